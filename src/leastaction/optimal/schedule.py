@@ -12,15 +12,15 @@ from leastaction.numerics.frozen import changed
 # Factor by which the part of the curvature grows from one good step to the next, and how fast that recovers.
 _LEAST_GROWTH, _LARGEST_GROWTH, _RECOVERY = 1.1, 2.0, 1.03
 
-# An expected decrease that falls to this part of the one before is that of an end near a minimum; to the second,
-# if it is less than the third of the cost.
+# Parts of the expected decrease before to which it falls near a minimum: always, and where it is less than the third
+# number of the cost.
 _ARRIVING = 0.1, 0.5, 1e-3
 
-# Less of a shift than this is none, less of the curvature is tried only after more failed.
+# Shift below which there is none, and share of the curvature below which less is tried only after more failed.
 _LEAST_SHIFT, _LEAST_SCALE = 1e-8, 1.0 / 64.0
 
-# A step is made longer than a full one where it should have been this much longer, by that factor at a time, and to
-# this length.
+# Factor by which a step should have been longer where the next is made longer than a full one, by that factor at a
+# time; and the length to which.
 _FURTHER, _FURTHEST = 4.0, 8.0
 
 

@@ -34,14 +34,14 @@ from leastaction.optimal.result import OptimizationResult
 
 # Pieces of the first mesh, and of the last one at most; how often it is made finer.
 _FIRST, _FIRST_MOST, _MOST, _ROUNDS = 16, 128, 1500, 9
-# A piece is fine enough if its polynomial is off by no more than the first times the accuracy of integrations, the
-# second at most, of the state's size, and if its inputs continue those of the piece before to the third, of their size.
+# Error of a piece that is fine enough: of its states, in times the accuracy of integrations and in parts of the state's
+# size at most; and of its inputs where they continue those of the piece before, in parts of their size.
 _OF_ACCURACY, _OF_STATES, _OF_INPUTS = 1e3, 1e-5, 3e-3
-_TO_STATES = 30.0  # times the states' part is the inputs', where that is more
-_ABOVE_NOISE = 100.0  # is what a first step on a finer mesh has to promise
-_SHORTEST = 1e-4  # of the horizon
-_ROUGH = 1e-3  # of the states' size may a first mesh miss the curve that it begins with (rms)
-_AGAIN = 1e-4  # of the barrier's first parameter, on a finer mesh
+_TO_STATES = 30.0  # error of the inputs in times that of the states, where that is more
+_ABOVE_NOISE = 100.0  # promise of a first step on a finer mesh, in times the noise
+_SHORTEST = 1e-4  # shortest piece, in parts of the horizon
+_ROUGH = 1e-3  # error of a first mesh, in parts of the states' size (rms)
+_AGAIN = 1e-4  # barrier parameter on a finer mesh, in parts of the first
 
 
 class CollocationProblem(BarrierProblem):

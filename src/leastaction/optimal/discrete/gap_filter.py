@@ -14,14 +14,14 @@ from typing import NamedTuple
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.step_quality import StepQuality
 
-# The least part by which the gaps have to shrink, or of them the cost has to fall; how much larger than at the start
-# their sum may become, and below which part of it the cost alone may be looked at.
+# Margins of the filter: the part by which gaps have to shrink, and the part of them by which the cost has to fall; the
+# largest sum of gaps in times that at the start, and the part of it below which the cost alone may be looked at.
 _SHRINK, _FALL = 1e-5, 1e-5
 _MOST, _FEW = 1e4, 1e-4
-# Times the penalty of all gaps may one step cost.
+# Largest rise of the cost in one step, in times the penalty of all gaps.
 _DEAREST = 10.0
 
-# It is looked at alone where the gaps are small beside what it may gain: powers of the two, and Armijo's fraction then.
+# Powers of what the cost may gain and of the gaps, which decide whether the cost alone is looked at; Armijo's fraction.
 _COST_POWER, _GAP_POWER, _ARMIJO = 2.3, 1.1, 1e-4
 
 

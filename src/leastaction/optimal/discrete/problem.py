@@ -32,11 +32,11 @@ from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.system import Linearization
 
-# A projection of a curve that costs so much more than its inputs alone has lost the curve.
+# Factor in cost over that of its inputs alone by which a projection has lost a curve.
 _DEAR = 10.0
 
-# Of the largest second derivative by the initial state is what counts as none: little more than rounding, since a limit
-# that is active in the end is stiffer than all else by ten orders of magnitude.
+# Second derivative by the initial state, in parts of the largest, that counts as none: little more than rounding, since
+# a limit that is active in the end is stiffer than all else by ten orders of magnitude.
 _FLAT = 1e-14
 
 

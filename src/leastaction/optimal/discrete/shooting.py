@@ -49,17 +49,17 @@ from leastaction.optimal.system import Linearization
 Gapped = Literal["never", "where needed", "at once"]
 """When steps may have gaps: never; where the start cannot be projected, or the loop asks for them; from the start."""
 
-# Gaps below this part of the states' sizes are closed, after a full step; so many iterations are made with gaps, and
-# so many where they take the place of a search that was stuck.
+# Gap, in parts of the states' sizes, below which it is closed after a full step; iterations with gaps at the most; and
+# those where they take the place of a search that was stuck.
 _CLOSED, _LONGEST, _LONGEST_INSTEAD = 1e-6, 300, 100
 
-# A curve is lost by a projection that costs so much more; a search from there is a long one after so many iterations.
+# Factor in cost by which a projection has lost a curve, and iterations after which a search from there is a long one.
 _DEAR, _LONG_IF_LOST = 10.0, 100
 
-# A stage with gaps is over where no more than this part of the cost is to be gained.
+# Part of the cost that is left to be gained where a stage with gaps is over.
 _LOOSE = 1e-6
 
-# Further steps that close the gaps which a full step opens, and what each may leave of them.
+# Further steps that close the gaps which a full step opens, and the part of them that each may leave.
 _CORRECTIONS, _LEFT = 4, 0.99
 
 

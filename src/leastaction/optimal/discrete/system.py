@@ -376,7 +376,9 @@ def _forwarded(name: str) -> Any:
     if isinstance(getattr(DiscreteSystem, name), (property, cached_property)) or not callable(
         getattr(DiscreteSystem, name)
     ):
-        return property(lambda self: getattr(self.system, name))
+        return property(
+            lambda self: getattr(self.system, name), doc=f"That of the system: see `DiscreteSystem.{name}`."
+        )
 
     def forward(self: Any, *arguments: Any, **options: Any) -> Any:
         return getattr(self.system, name)(*arguments, **options)

@@ -16,13 +16,13 @@ from leastaction.optimal.line_search import Refusal, Trial
 SHORT = 0.1
 """Length of a step along which it is looked for leaps."""
 
-# A leap: a short step, foretold to move the trajectory by less than the first, moves it by more than the second from
-# one instant to the next. Shorter ones will too if it was foretold to move it by less than the last.
+# Moves of a trajectory, in parts of its size, that make a leap: the most that a short step was foretold to make, the
+# least that it made from one instant to the next; and the most foretold where shorter ones will leap too.
 _NEAR, _FAR, _TORN = 0.02, 0.2, 1e-3
 
 COARSE = 3.0
 """A trial is refused where the determinant ratio s of its coarsest step is above this."""
-# Unless it is so along the current iterate; so much further a step may go there.
+# Factor by which a step may be coarser than the coarsest along the current iterate, where that is above it.
 _COARSER = 1.5
 
 

@@ -34,11 +34,11 @@ from leastaction.optimal.memory import Place
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult, Status
 
-_DIGITS = 1e3 * float(np.finfo(np.float64).eps)  # of a limit's size is the least room that is told from none
+_DIGITS = 1e3 * float(np.finfo(np.float64).eps)  # least room that is told from none, in parts of a limit's size
 
-_SOFTER = (1e-2, 1e-4, 1e-6, 1e-8)  # of the largest stiffness of limits: what a model knows of where rounding drowns it
-_ACTIVE = 1e-6  # of its scale is the most room of a limit that is active
-_FAR = 5.0  # costs that a step is to gain are those of one far from the minimum
+_SOFTER = (1e-2, 1e-4, 1e-6, 1e-8)  # parts of the largest stiffness that models know where rounding drowns the whole
+_ACTIVE = 1e-6  # most room of a limit that is active, in its scale
+_FAR = 5.0  # expected decrease of a step that is far from the minimum, in costs
 _AHEAD = 5  # iterations without obstacles, after which it is seen whether they stand in the way
 
 

@@ -26,21 +26,21 @@ from leastaction.optimal.limits.leeway import Leeway
 from leastaction.optimal.limits.sides import Sided, SideLayout
 from leastaction.optimal.quantity import Instants
 
-# Times its dual is the price of an excess; and in the end that of an equation, which is met the better the dearer it
+# Price of an excess, in times its multiplier; and in the end that of an equation, which is met the better the dearer it
 # is, but what is much dearer leaves so little room that its barrier cannot get as small as others.
 _DEAR, _DEAR_EQUAL = 10.0, 100.0
-_CHEAPER, _DEARER = 1e-3, 10.0  # by which prices change at most
-_HARD = 1e6  # costs of the start for an excess of its scale, where nothing is beyond a limit
-_AT = 1e-6  # of its scale from a limit is at it
-_BINDING = 0.5  # of the price is the dual of a limit that the price does not enforce
-_SETTLED = 2.3  # natural logarithm of the factor by which duals may be off those of the barrier in the end
-# Dual times scale of a limit that is active: more than so many mu, and than the geometric mean of mu and the cost. The
-# scale may be what was seen at a start far away, so that tells whether a limit is active anywhere; and the part of its
-# largest dual, where.
+_CHEAPER, _DEARER = 1e-3, 10.0  # factors by which prices change at most
+_HARD = 1e6  # price of an excess of its scale where nothing is beyond a limit, in costs of the start
+_AT = 1e-6  # distance, in its scale, of what is at a limit
+_BINDING = 0.5  # multiplier, in parts of the price, of a limit that the price does not enforce
+_SETTLED = 2.3  # natural logarithm of the factor by which multipliers may be off those of the barrier in the end
+# Multiplier times scale of a limit that is active, in times mu: the least; it is more than the geometric mean of mu and
+# the cost, too. The scale may be what was seen at a start far away, so that tells whether a limit is active anywhere;
+# and the part of its largest multiplier, where.
 _ACTIVE, _HARDLY = 100.0, 1e-5
-_CENTRAL = 20.0  # times mu are the largest products from which a much smaller barrier can be followed
-_ROUNDING = 1e-13  # of its price is what a dual may be off by rounding
-_GUIDING = 0.1  # of what excess costs, where all is as dear, is that of the barriers at first
+_CENTRAL = 20.0  # largest product of multiplier and slack, in times mu, from which a much smaller barrier can follow
+_ROUNDING = 1e-13  # error of a multiplier by rounding, in parts of its price
+_GUIDING = 0.1  # barriers at first, in parts of what excess costs, where all is as dear
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,8 @@ from leastaction.numerics.arrays import Array
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.limits.sides import Sided
 
-_STEPS = 5  # in which it is given back
-_SHALLOW = 1e-3  # of what is large for it is a limit violated by that is met without leeway
+_STEPS = 5  # parts in which leeway is given back
+_SHALLOW = 1e-3  # violation, in parts of what is large for it, of a limit that is met without leeway
 
 
 class Leeway:

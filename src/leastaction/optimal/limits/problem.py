@@ -24,15 +24,15 @@ from leastaction.optimal.memory import Memory, Place, Start
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
 
-# Where steps of time may shrink, what is asked at one instant is so much dearer than elsewhere; and than that where the
-# search is stuck.
+# Price of what is asked at one instant, over that of others, where steps of time may shrink; and of what was not met,
+# over what it had been.
 _DEARER, _DEARER_AGAIN = 20.0, 10.0
-_SHORTER = 0.7  # of what it lasts is what a step of the search takes off at most
+_SHORTER = 0.7  # part of what a motion lasts that a step of the search takes off at most
 
-_SAME = 1e-6  # of a cost that was found, by which it differs where it is another cost
+_SAME = 1e-6  # relative difference of a cost from that of a start that was found, by which it is another cost
 
-# How much dearer inputs are at first where it begins again with an easier cost, by which factor less from one stage to
-# the next, and of each the tolerance and the most iterations: it only leads to the next.
+# Ease: the first, and the factor to the next; of each stage, which only leads to the next, the tolerance and the most
+# iterations.
 _EASIEST, _STRIDE, _LOOSE, _LONGEST = 1e6, 10.0, 1e-2, 20
 
 

@@ -28,8 +28,11 @@ from leastaction.optimal.limits.duals import Duals, Room
 from leastaction.optimal.limits.sides import Sided
 
 _MOST = 8  # further steps
-_LONG, _AGREES = 0.9, 0.1  # is a first step after which there are none, if it gains what its model says but for a part
-_ENOUGH, _ENOUGH_FAR = 0.1, 0.3  # of all that was gained is what the last of them gains; and far from the minimum
+_LONG, _AGREES = (
+    0.9,
+    0.1,
+)  # length of a first step after which there are none, if its gain agrees with the model to this
+_ENOUGH, _ENOUGH_FAR = 0.1, 0.3  # gain of the last of them, in parts of all that was gained; and far from the minimum
 
 
 class SolvedWithin(NamedTuple):

@@ -13,26 +13,26 @@ from leastaction.optimal.limits.duals import Duals
 from leastaction.optimal.limits.sides import Sided
 from leastaction.optimal.quantity import Instants
 
-_DEARER = 10.0  # by which prices rise at most
-# The barrier's parameter: the first, in the cost by the number of rows; how it falls from one stage to the next.
+_DEARER = 10.0  # factor by which a price rises at most
+# Barrier parameter: the first, in the cost by the number of rows; the factor and the power by which it falls from one
+# stage to the next, whichever falls faster.
 _FIRST, _LESS, _POWER = 0.1, 0.1, 1.5
-_FIRST_AGAIN = 1e-4  # where duals are known
-_LAST = 0.1  # of the tolerated change of the cost is the barriers' part in the end
-# Times mu: the expected decrease with which a stage is over where its duals are near those of the barrier; elsewhere,
-# and in the last stage, whose duals are told. Of more rows than these it is by the root more in all but the last.
+_FIRST_AGAIN = 1e-4  # barrier parameter, in parts of the first, where multipliers are known
+_LAST = 0.1  # barriers' part of the cost in the end, in parts of its tolerated change
+# Expected decrease, in times mu, with which a stage is over: where its multipliers are near those of the barrier; and
+# elsewhere, and in the last stage, whose multipliers are told. Rows from which on it is by the root of them more.
 _LOOSE, _TIGHT, _MANY = 100.0, 10.0, 100.0
-_LITTLE, _NOTHING = 1e-6, 1e-12  # a start that costs less than the first, and that part of doing nothing, costs nothing
-_ROUGH = 1e-4  # a tolerance from which on duals need not be exact
-_DEAREST = 1e6  # costs of the start for an excess of a limit's scale
-# Of its scale a limit may be off where the problem cannot be met otherwise, and that part of a rough tolerance.
-_MET, _MET_ROUGHLY = 1e-6, 1e-2
-_EXACTLY = 1e-3  # of what it may be off a limit is off that no price would enforce any better
-# Where limits are off by more than the first part of their scale though some price was raised to the second, in costs
-# of the start, and little but that counts, all excess is made as dear: what is left then is the least that they can be
-# off, to the third part. What the cost that was asked for comes to there at most, and the barriers in the end.
+_LITTLE, _NOTHING = 1e-6, 1e-12  # cost of a start that costs nothing: below this, and below this part of doing nothing
+_ROUGH = 1e-4  # tolerance from which on multipliers need not be exact
+_DEAREST = 1e6  # price of an excess of a limit's scale, at most, in costs of the start
+_MET, _MET_ROUGHLY = 1e-6, 1e-2  # violation, in a limit's scale, of a limit that is met; and that part of the tolerance
+_EXACTLY = 1e-3  # violation, in parts of that, which no price would enforce any better
+# Search for the least violation: the violation, in scales, and the price, in costs of the start, from which on it is
+# looked for, with all excess as dear; and the part to which it is found.
 _FAR, _TELLING, _NEARLY = 1e-2, 1e3, 1e-4
+# Cost, and barriers in the end, beside that of the violations, up to which little but these counts.
 _LITTLE_BESIDE, _TRACES = 0.1, 1e-4
-# Times a rough tolerance, where limits are not met: what they are off by costs less than that often, and is a matter of
+# Part of the goal of a rough tolerance that is asked for where limits are not met: what they are off by is a matter of
 # some more steps, where dearer excess would only bend the way to the minimum.
 _CLOSER = 1e-2
 

@@ -18,17 +18,17 @@ _CHAIN = ("newton", "quasi-newton", "steepest")
 # Levenberg-Marquardt's weights: the first, and the factor from one to the next.
 _FIRST_SHIFT, _MORE_SHIFT = 1e-3, 10.0
 
-# A model without a minimum is tried again with this part of its curvature; less than the least is not worth having.
+# Factor of the curvature with which a model without a minimum is tried again, and the least share that is worth having.
 _LESS_CURVATURE = 0.3
 _LEAST_CURVATURE = 1.0 / 128.0
 
-# A quadratic tail is foretold to be over where this part of what is small enough is left, from a step whose model was
-# right to the second part of the decrease. Of the decrease that a Newton step was to make, a part of at least the
-# square of 3/2 of what its model missed is left to be made along it.
+# Foretelling of the end of a quadratic tail: the part of the goal below which what is left is foretold to be nothing;
+# the error of the model's decrease up to which it foretells; and the square of 2 times what a model missed, by which a
+# part of a Newton step's decrease is left to be made along it.
 _FORETOLD, _RIGHT, _MISSED = 0.01, 0.05, 4.0
 
-# A cost that does not fall any more is at its minimum if no more than this part of it is expected to be gained; if
-# more is, so many steps are made to gain it.
+# Part of the cost below which an expected decrease is none, of a cost that does not fall any more; and steps that are
+# made to gain more than that.
 _STALLED_CLOSE, _STALLED_STEPS = 1e-7, 5
 
 

@@ -23,7 +23,7 @@ _COARSE = (
 _BARRED = "The cost falls towards motions in which a step of time has no solution, and the search ended before one."
 _RESOLVED = 0.5
 
-# So many iterations tell how fast a run is; it is fast where each leaves this part of the expected decrease.
+# Iterations by which the speed of a run is told, and the part of the expected decrease that each of a fast one leaves.
 _LOOKED_BACK, _FAST = 10, 0.9
 
 

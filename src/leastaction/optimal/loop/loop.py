@@ -22,7 +22,7 @@ from leastaction.optimal.loop.way import Way
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import IterationRecord, OptimizationResult, Status
 
-# Times the noise that was seen is the least decrease that is found again in it, by steps as short as searches make.
+# Least decrease, in times the noise that was seen, that is found again in it by steps as short as searches make.
 _LOST = 50.0
 
 Callback = Callable[[IterationRecord], object]

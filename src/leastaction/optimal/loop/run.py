@@ -12,20 +12,21 @@ from leastaction.optimal.options import Options
 from leastaction.optimal.result import HistoryBuilder, OptimizationResult
 from leastaction.optimal.schedule import NewtonSchedule
 
-# Of so many first steps, most were shorter than the last where a run is likely to get lost.
+# First steps by which a run is judged, those of them that are cut short where it is likely to get lost, and the length
+# below which a step is.
 _FIRST_STEPS, _MOST, _CUT = 14, 10, 0.3
 
-# Where less than this part of the cost is expected to be gained, a run creeps towards its end: it is not lost.
+# Part of the cost below which an expected decrease is that of a run that creeps towards its end: it is not lost.
 _CREEPING = 1e-4
 
-# Where the last step was to gain less than this part of the cost, a model without a minimum may be that of a saddle.
+# Part of the cost below which an expected decrease may be that near a saddle, where a model has no minimum.
 _LITTLE = 1e-2
 
-# A model holds that is off by less than this part of the decrease.
+# Error of the foretold decrease, in parts of it, below which a model holds.
 _HOLDS = 0.1
 
-# The decrease that is expected is at most this part of what it was before a step that was all but full, of Newton's
-# method or of another without damping whose model holds.
+# Part of an expected decrease that is left at most after a step of Newton's method, or of another without damping whose
+# model holds; and the length of a step that is all but full.
 _AFTER, _FULL = 0.1, 0.9
 
 

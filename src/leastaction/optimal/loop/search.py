@@ -16,15 +16,15 @@ from leastaction.optimal.result import Status
 _BACKTRACKS = {"newton": 4, "quasi-newton": 6, "negative-curvature": 8}
 _BACKTRACKS_SHIFTED = 2
 
-# A search begins with a step that is longer by this than the last one, if that had to be cut so much.
+# Factor by which the first step of a search is longer than the last one that was taken.
 _LONGER = 4.0
 
-# Whether a negative second derivative is right is looked at where it changes the cost by so many times its noise, at
-# first where higher orders may hide it; it is wrong if there is less of it than this part at all of them.
+# Changes of the cost by a negative second derivative, in times its noise, at which that is looked at, the first where
+# higher orders may hide it; and the part of it that has to be seen at one of them.
 _ABOVE_NOISE, _SOME = (1e7, 1e5, 1e3), 0.1
 
-# Steps over which a cost is looked at for its noise, where less than the first part of it is expected to be gained; it
-# is no noise if it is more than the second part.
+# Lengths of steps over which a cost is looked at for its noise; the part of the cost below which an expected decrease
+# is a reason to; and that above which what is seen is no noise.
 _SHORTEST = (1e-6, 2e-6, 4e-6)
 _LITTLE, _ROUGHEST = 1e-7, 1e-9
 
