@@ -24,19 +24,19 @@ def interrupt_after(seconds: float) -> threading.Timer:
 
 def test_native_steps_are_kept_up_to_ctrl_c() -> None:
     """Within the steps that are made without looking at Python."""
-    m = pendulum_chain(60)
+    m = pendulum_chain(400)
     vi = MidpointVI(m)
     start = vi.start(np.full(m.nq, 0.1))
-    timer = interrupt_after(0.4)
+    timer = interrupt_after(0.15)
     began = time.monotonic()
-    run = vi.simulate(start, np.arange(60_000) * 1e-4)
+    run = vi.simulate(start, np.arange(4_000) * 1e-4)
     timer.join()
     assert time.monotonic() - began < 20.0
     assert run.status is SimulationStatus.INTERRUPTED
-    assert run.steps % 2000 != 0
+    assert 0 < run.steps < 2000, "not even the first of the pieces between looks at Python"
     assert np.isfinite(run.x).all()
-    whole = vi.simulate(start, run.t[:50])
-    assert np.array_equal(whole.x, run.x[:50])
+    whole = vi.simulate(start, run.t)
+    assert np.array_equal(whole.x, run.x)
     assert run.balance is not None
     assert len(run.balance.residual) == run.steps
     on = vi.simulate(run.last, run.t[-1] + np.arange(10) * 1e-4)
