@@ -253,6 +253,7 @@ PUBLIC: dict[str, Callable[[], Any]] = {
     "Status": lambda: la.Status.CONVERGED,
     "TendonForce": lambda: la.TendonForce(["bob", "hand"], input="T"),
     "TorsionalSpring": lambda: la.TorsionalSpring("bob", "hand", 2.0, axis="z"),
+    "TapeMeasure": lambda: la.TapeMeasure(changed(), ["world", "bob"]),
     "Trajectory": trajectory,
     "Within": lambda: la.Within(la.FunctionQuantity("height", height), max=2.0),
 }

@@ -14,7 +14,7 @@ from leastaction.numerics.arrays import Array
 
 
 @dataclass(frozen=True)
-class CordLike:
+class ExpressionCord:
     """An expression that depends on places by distances of pairs of frames only, all with the same slope.
 
     ``pieces``: the pairs. ``symbols``: of their distances, then of variables and parameters. ``slope``: of the
@@ -32,7 +32,7 @@ class CordLike:
         return np.broadcast_to(np.asarray(found, dtype=np.float64), lengths.shape[1:]).copy()
 
 
-def cord_of(expression: Any) -> CordLike | None:
+def cord_of(expression: Any) -> ExpressionCord | None:
     """Return an expression as a cord; None if it is none."""
     pieces: dict[tuple[str, str], Any] = {}
     known: dict[Any, Any] = {}
@@ -50,7 +50,7 @@ def cord_of(expression: Any) -> CordLike | None:
     slopes = [sympy.diff(rest, symbol) for symbol in pieces.values()]
     if any(sympy.simplify(slope - slopes[0]) != 0 for slope in slopes[1:]):
         return None
-    return CordLike(tuple(pieces), (*pieces.values(), *others), slopes[0])
+    return ExpressionCord(tuple(pieces), (*pieces.values(), *others), slopes[0])
 
 
 def _without_squares(expression: Any, pieces: dict[tuple[str, str], Any]) -> Any:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import sympy
 
     from leastaction.mechanics.expressions.compiled import CompiledExpression, CompiledForce
-    from leastaction.mechanics.expressions.cords import CordLike
+    from leastaction.mechanics.expressions.cords import ExpressionCord
 
 
 def _compiled(element: ExpressionPotential | ExpressionConstraint) -> CompiledExpression:
@@ -50,7 +50,7 @@ def _slope(
     return None if cord is None else cord.by_lengths(np.array([pieces[pair] for pair in cord.pieces]), values)
 
 
-def _cord(element: ExpressionPotential | ExpressionConstraint) -> CordLike | None:
+def _cord(element: ExpressionPotential | ExpressionConstraint) -> ExpressionCord | None:
     """The expression as a cord."""
     from leastaction.mechanics.expressions.cords import cord_of
 
