@@ -251,9 +251,9 @@ PUBLIC: dict[str, Callable[[], Any]] = {
     "StartStatus": lambda: la.StartStatus.COMPLETED,
     "State": start,
     "Status": lambda: la.Status.CONVERGED,
+    "TapeMeasure": lambda: la.TapeMeasure(mechanism(), mechanism().frames[:1] + mechanism().frames[-1:]),
     "TendonForce": lambda: la.TendonForce(["bob", "hand"], input="T"),
     "TorsionalSpring": lambda: la.TorsionalSpring("bob", "hand", 2.0, axis="z"),
-    "TapeMeasure": lambda: la.TapeMeasure(changed(), ["world", "bob"]),
     "Trajectory": trajectory,
     "Within": lambda: la.Within(la.FunctionQuantity("height", height), max=2.0),
 }
@@ -268,6 +268,7 @@ OTHERS: dict[str, Callable[[], Any]] = {
     "ConfigurationProjection": lambda: la.project_configuration(strung(), [0.0, 0.3, 1.5]),
     "ContinuousOptimizationResult": optimised_continuous,
     "ContinuousState": lambda: continuous_trajectory().last,
+    "DiscreteBalance": lambda: trajectory().balance,
     "Energy": lambda: trajectory().energy(),
     "Equilibrium": lambda: la.equilibrium(mechanism(), mechanism().configuration()),
     "Frame": lambda: la.pose(translation=[1.0, 0.0, 0.0], name="f", mass=1.0),

@@ -213,6 +213,29 @@ def calls() -> dict[str, Call]:
         "ball": (mech.ball, {"variables": "ball", "axes": "xyz"}),
         "universal": (mech.universal, {"variables": "cross", "axes": "xy"}),
         "free": (mech.free, {"variables": "body", "axes": "xyz"}),
+        "pose": (
+            mech.pose,
+            {
+                "matrix": None, "translation": [0.0, 0.0, 1.0], "rotation": np.eye(3), "name": "f", "mass": 1.0,
+                "bodies": (),
+            },
+        ),
+        "twist": (
+            mech.twist,
+            {"value": "x", "linear": [0.0, 0.0, 1.0], "angular": [0.0, 0.0, 0.0], "kinematic": False},
+        ),
+        "rx": (mech.rx, {"value": {"a": 2.0}, "offset": 0.1, "kinematic": ["a"]}),
+        "var": (mech.var, {"name": "a"}),
+        "world": (mech.world, {"name": "ground"}),
+        "momentum_by": (mech.momentum_by, {"mechanism": m, "q": Q, "v": V, "names": ["A.mass"]}),
+        "gain_to_continuous": (
+            mech.gain_to_continuous, {"mechanism": m, "q": Q, "v": V, "K": np.ones((1, 4)), "dt": 0.01},
+        ),
+        "gain_to_discrete": (
+            mech.gain_to_discrete, {"mechanism": m, "q": Q, "v": V, "K": np.ones((1, 4)), "dt": 0.01},
+        ),
+        "Projection": (mech.Projection, {"tolerance": 1e-10}),
+        "Event": (mech.Event, {"function": "a", "terminal": True, "direction": 0.0, "value": 0.1}),
         "Baumgarte": (mech.Baumgarte, {"time_constant": 0.1, "damping_ratio": 1.0}),
         "simulate": (
             mech.simulate,
@@ -237,6 +260,19 @@ def calls() -> dict[str, Call]:
             (mech.LinearDamper, {"frame1": "world", "frame2": "B", "coefficient": 1.0}),
             (mech.TendonForce, {"frames": ["world", "B"], "input": "u", "gain": 1.0}),
             (mech.BodyWrench, {"frame": "B", "force": (0.0, 1.0, "u"), "torque": (0.0, 0.0, 0.0)}),
+            (mech.HingeLoop, {"frame1": "world", "frame2": "B", "axis": "x", "planar": True}),
+            (mech.FixedOrientation, {"frame1": "world", "frame2": "B", "rotation": np.eye(3)}),
+            (mech.InverseSquareGravity, {"frame1": "world", "frame2": "B", "strength": 1.0}),
+            (mech.LinearMotor, {"frame1": "world", "frame2": "B", "input": "u", "gain": 1.0}),
+            (mech.Motor, {"frame1": "world", "frame2": "B", "input": "u", "axis": "x", "gain": 1.0}),
+            (mech.NonlinearDamping, {"on": "a", "coefficients": [0.1, 0.2]}),
+            (mech.NonlinearSpring, {"on": "a", "force": la.Curve([0.0, 1.0], [0.0, 1.0])}),
+            (mech.TorsionalSpring, {"frame1": "A", "frame2": "B", "stiffness": 1.0, "axis": "x", "rest": 0.1}),
+            (mech.PrescribedPath, {"frame": "B", "x": None, "y": "y", "z": "z"}),
+            (mech.Coupling, {"factors": {"a": 1.0, "b": -2.0}, "offset": 0.1}),
+            (mech.HybridWrench, {"frame": "B", "force": (0.0, 1.0, "u"), "torque": None}),
+            (mech.SpatialWrench, {"frame": "B", "force": None, "torque": (0.0, 1.0, "u")}),
+            (mech.Armature, {"variable": "a", "inertia": 0.1}),
             (mech.Drag, {"frame": "B", "coefficient": 0.1, "exponent": 2.0, "wind": (0.0, 0.0, 0.0)}),
         )
     }

@@ -351,3 +351,19 @@ def test_completion_is_generated(leastaction, tmp_path: Path, shell: str) -> Non
 def test_what_does_not_move_is_drawn_too(leastaction, tmp_path: Path) -> None:
     assert leastaction("simulate", "cart_pendulum", "--until", 0.1, "--out", tmp_path / "still")[0] == 0
     assert (tmp_path / "still" / "motion.html").exists()
+
+
+def test_a_first_step_that_cannot_be_made(leastaction, two_links: Path, tmp_path: Path) -> None:
+    out = tmp_path / "coarse"
+    words = ("simulate", two_links, "--set", "shoulder=2", "--dt", 0.9, "--until", 9, "--out", out, "--json")
+    code, text, _ = leastaction(*words)
+    facts = json.loads(text)
+    assert code == 1
+    assert (facts["status"], facts["steps"]) == ("STEP_FAILED", 0)
+    assert "too coarse" in facts["message"]
+    assert [file.stem for file in out.iterdir()] == ["run"]
+    code, text, err = leastaction(*words[:-1])
+    assert (code, err) == (1, "")
+    assert "too coarse" in text
+    (run,) = out.iterdir()
+    assert leastaction("view", run, "--out", tmp_path / "coarse.html")[0] == 0

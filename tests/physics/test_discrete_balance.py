@@ -15,6 +15,7 @@ from leastaction.mechanics import (
     Distance,
     ElasticString,
     Gravity,
+    IntegrationStatus,
     JointForce,
     JointSpring,
     LinearDamper,
@@ -26,6 +27,7 @@ from leastaction.mechanics import (
     project_configuration,
     project_velocity,
     rx,
+    to_continuous,
     ty,
     tz,
 )
@@ -169,6 +171,7 @@ def test_fast_linkages_that_lose_energy_say_so() -> None:
     assert run.status is SimulationStatus.UNBALANCED
     assert run.balance is not None
     assert "Do not trust" in run.message
+    assert to_continuous(run).status is IntegrationStatus.UNBALANCED
     shorter = vi.simulate(start, np.arange(0.0, 10.0, 0.001))
     assert shorter.status is SimulationStatus.COMPLETED
     assert run.balance.complaint in str(run)

@@ -14,6 +14,7 @@ from leastaction.mechanics import (
     ElasticString,
     Element,
     Gravity,
+    JointForce,
     JointSpring,
     Mechanism,
     MidpointVI,
@@ -23,6 +24,7 @@ from leastaction.mechanics import (
     tx,
     ty,
     tz,
+    world,
 )
 from physics.laws import G
 
@@ -112,3 +114,24 @@ def test_the_sign_of_multipliers_is_that_of_the_docstring() -> None:
     impulse = -m.constraint_jacobian(run.q[5]).T @ run.lam[5]
     assert impulse == pytest.approx([0.0, 2.0 * G * 0.01], abs=1e-9)
     assert re.search(r"``-Dh\(q_k\)\^T lam_k`` act at its start", type(run).__doc__ or "")
+
+
+def test_a_frame_may_be_called_world_where_the_world_is_called_something_else() -> None:
+    with pytest.raises(DescriptionError, match=r"duplicate frame name 'world'.*begin with world\('ground'\)"):
+        Mechanism([tx("x", mass=1.0, name="world")])
+    m = Mechanism(world("ground").tx("x", mass=1.0, name="world"), [JointSpring("x", 1.0)])
+    assert m.frames == ("ground", "world")
+
+
+def test_inputs_sampled_at_the_middle_of_steps_are_of_second_order() -> None:
+    """And at the start of first, as the docstring of `simulate` says."""
+    m = Mechanism([tx("x", mass=1.0)], [JointForce("x", input="u")])
+    vi = MidpointVI(m)
+    errors: dict[float, list[float]] = {0.0: [], 0.5: []}
+    for share, found in errors.items():
+        for n in (50, 100):
+            t = np.linspace(0.0, 1.0, n + 1)
+            run = vi.simulate(vi.start([0.0]), t, inputs=np.exp(t[:-1] + share / n)[:, None])
+            found.append(abs(float(run.q[-1, 0]) - (np.e - 2.0)))
+    assert errors[0.0][0] / errors[0.0][1] == pytest.approx(2.0, abs=0.1)
+    assert errors[0.5][0] / errors[0.5][1] == pytest.approx(4.0, abs=0.2)

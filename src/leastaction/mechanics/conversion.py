@@ -32,13 +32,16 @@ from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import SimulationStatus, Trajectory
 from leastaction.mechanics.mechanism.arguments import check_same_names
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_flag, as_time_step, as_times, require_instance
+from leastaction.numerics.arrays import Array, as_array, as_flag, as_number, as_times, require_instance
 
 _STATUS = {
     SimulationStatus.COMPLETED: IntegrationStatus.COMPLETED,
+    SimulationStatus.UNBALANCED: IntegrationStatus.UNBALANCED,
+    SimulationStatus.ROUNDED: IntegrationStatus.UNBALANCED,
     SimulationStatus.STEP_FAILED: IntegrationStatus.FAILED,
     SimulationStatus.INTERRUPTED: IntegrationStatus.INTERRUPTED,
 }
+_LONGEST = 1e100  # s: of a step of time whose square is a number
 
 
 # Trajectories
@@ -191,7 +194,8 @@ def gain_to_discrete(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, K: ArrayL
         For small deviations the closed loops agree to O(dt): an input is held over a step, and the discrete v_rho
         is half a step old. In large ones p and v differ by more than T.
     """
-    m, h = mechanism, as_time_step(dt)
+    require_instance(mechanism, "mechanism", Mechanism)
+    m, h = mechanism, as_number(dt, "dt", above=0.0, below=_LONGEST)
     T = legendre_jacobian(m, q, v)
     gains = _gains(m, K, T)
     # K T^-1, from the right.
@@ -215,7 +219,8 @@ def gain_to_continuous(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, K: Arra
     dt : float
         Time step that they were made for (s).
     """
-    m, h = mechanism, as_time_step(dt)
+    require_instance(mechanism, "mechanism", Mechanism)
+    m, h = mechanism, as_number(dt, "dt", above=0.0, below=_LONGEST)
     T = legendre_jacobian(m, q, v)
     gains = _gains(m, K, T).copy()
     gains[..., m.n_inputs :, :] = (gains[..., m.n_inputs :, :] + _extrapolation(m, h)) / h**2

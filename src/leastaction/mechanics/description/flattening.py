@@ -52,9 +52,10 @@ def frame_names(world: str, frames: Sequence[Frame], parents: Sequence[int]) -> 
         if frame.name in given:
             other = given[frame.name]
             first = "the world frame" if other is None else other.label
+            advice = "" if other is not None else "; begin with world('ground') to call the world something else"
             raise DescriptionError(
                 f"duplicate frame name {frame.name!r}: given to {first} and to {frame.label}; "
-                "frame names are unique in a mechanism"
+                f"frame names are unique in a mechanism{advice}"
             )
         given[frame.name] = frame
     taken = set(given)

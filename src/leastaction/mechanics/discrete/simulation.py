@@ -53,7 +53,9 @@ def simulate(
     t : array_like, shape (N+1,)
         Times (s), increasing, the first one that of the start.
     inputs : array_like (n_inputs,) or (N, n_inputs), or callable, optional
-        Inputs: constant, one row a step, or a function of the time at the middle of a step; or a feedback
+        Inputs: constant, one row a step, or a function of the time at the middle of a step, where they act: a motion
+        whose rows are samples at the starts of its steps is of first order in dt, and of second with samples at their
+        middles. Or a feedback
         ``(t, x)``, such as `Feedback`, of the time and the state ``x = [q; rho; p; v_rho]`` (see `law_at`).
         One input may be given as (N,). Zero if not given.
     rho : array_like (N+1, nrho) or (N, nrho), or callable, optional

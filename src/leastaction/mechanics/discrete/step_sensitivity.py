@@ -26,7 +26,7 @@ from leastaction.mechanics.mechanism.parameters import (
     Prescribed,
     inertia_slope,
 )
-from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.arrays import Array, as_array, require_instance
 
 
 @dataclass(frozen=True)
@@ -113,6 +113,7 @@ def momentum_by(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, names: Sequenc
     names : sequence of str
         Parameters, among the names of `Mechanism.parameters`.
     """
+    require_instance(mechanism, "mechanism", Mechanism)
     places = mechanism.parameter_places(names)
     q0 = as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
     v0 = as_array(v, "v", (mechanism.nq,), names=mechanism.variables)

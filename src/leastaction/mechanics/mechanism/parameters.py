@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from leastaction.errors import ArgumentError, DescriptionError, unknown
+from leastaction.errors import ArgumentError, DescriptionError, brief, unknown
 from leastaction.mechanics.description.affine import Affine
 from leastaction.mechanics.description.tree import Tree
 from leastaction.numerics.arrays import Array, as_number, require_mapping
@@ -180,13 +180,18 @@ def parameter_value(tree: Tree, place: Place, numbers: Array) -> float:
     return float(body.inertia[AXES.index(which[0]), AXES.index(which[1])])
 
 
-def find(tree: Tree, slots: Mapping[str, int], names: Iterable[str]) -> dict[str, Place]:
+def find(tree: Tree, slots: Mapping[str, int], names: object) -> dict[str, Place]:
     """Return the places of some parameters; raise an `ArgumentError` for a name that is none.
 
     Those of a frame are found by the name of the frame too, where `parameter_places` calls it by its variable.
     """
-    if isinstance(names, str):
-        raise ArgumentError(f"parameters: expected a list of names, got the string {names!r}")
+    if isinstance(names, str) or not isinstance(names, Iterable):
+        what = "the string " if isinstance(names, str) else ""
+        raise ArgumentError(f"parameters: expected a list of names, got {what}{brief(repr(names))}")
+    names = tuple(names)
+    for name in names:
+        if not isinstance(name, str):
+            raise unknown("parameter", name, parameter_places(tree, slots))
     # Those of elements are found without naming all that frames have, which takes longer than a short simulation.
     places: dict[str, Place] = {name: ElementNumber(slots[name]) for name in names if name in slots}
     if any(name not in places for name in names):

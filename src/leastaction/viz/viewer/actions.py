@@ -43,6 +43,8 @@ class Actions:
     def _at_instants(self, values: Array) -> Array:
         """Return values of each step, or at the run's instants, at the times."""
         own = self._own if len(values) == len(self._own) else 0.5 * (self._own[1:] + self._own[:-1])
+        if not len(own):  # a run whose first step could not be made: nothing acts that is known
+            return np.zeros((len(self.t), values.shape[1]))
         columns = [np.interp(self.t, own, column) for column in values.T]
         return np.array(columns).reshape(values.shape[1], len(self.t)).T
 

@@ -144,7 +144,7 @@ def _rest(m: Mechanism, q: Array) -> Check:
     text = f"{found.stability.value.partition(':')[0]}, {where}"
     if len(found.frequencies):
         hertz = found.frequencies / (2.0 * np.pi)
-        text += f"; swings at {hertz[0]:.3g} to {hertz[-1]:.3g} Hz"
+        text += f"; swings at {hertz[0]:.3g}" + (f" to {hertz[-1]:.3g} Hz" if len(hertz) > 1 else " Hz")
     return Check("rest", True, text)
 
 

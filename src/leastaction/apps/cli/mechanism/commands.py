@@ -276,6 +276,8 @@ def _write_run(run: Trajectory, shapes: Any, folder: Path) -> list[str]:
     from leastaction.viz import plot_energy, plot_run, save_png, show
 
     kept = [run.save(folder / ("run.h5" if find_spec("h5py") else "run.npz"))]
+    if not run.steps:
+        return [str(file) for file in kept]  # the first step could not be made, so that there is no motion to draw
     kept.append(show(run, shapes=shapes).save(folder / "motion.html"))
     if find_spec("matplotlib"):
         kept += [save_png(plot_run(run), folder / "states.png"), save_png(plot_energy(run), folder / "energy.png")]

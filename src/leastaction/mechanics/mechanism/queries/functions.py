@@ -134,7 +134,8 @@ def _parts_of(m: Compiled, element: object, kind: type[Any]) -> Parts:
     """Return the parts of an element of a kind, or of all elements."""
     if element is None:
         return m.parts[None]
-    found = m.elements.get(element) if isinstance(element, str) else None
+    name: object = element
+    found = m.elements.get(name) if isinstance(name, str) else None
     known = [name for name, each in m.elements.items() if isinstance(each, kind)]
     if not isinstance(element, str) or not isinstance(found, kind):
         what = f"{kind.__name__.lower()}s"
