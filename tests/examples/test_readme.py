@@ -26,7 +26,6 @@ def run_blocks(folder: Path) -> list[dict[str, Any]]:
 
 
 def test_the_examples(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("mujoco")
     monkeypatch.chdir(tmp_path)
     arm, four_bar = run_blocks(tmp_path)
     assert "CONVERGED" in capsys.readouterr().out
