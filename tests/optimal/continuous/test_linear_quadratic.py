@@ -247,3 +247,23 @@ def test_there_is_not_always_a_regulator():
         steady_state_regulator(np.zeros((2, 3)), B2)
     with pytest.raises(ArgumentError, match="B: got shape"):
         steady_state_regulator(A2, np.zeros((3, 1)))
+
+
+def test_a_steady_regulator_of_steps_is_the_limit_of_a_long_horizon() -> None:
+    rng = np.random.default_rng(3)
+    A, B = np.eye(4) + 0.1 * rng.standard_normal((4, 4)), 0.1 * rng.standard_normal((4, 2))
+    Q, R, S = np.diag([1.0, 2.0, 0.5, 1.0]), np.diag([0.3, 0.7]), 0.05 * rng.standard_normal((4, 2))
+    K, P = steady_state_regulator(A, B, Q=Q, R=R, S=S, dt=0.1)
+    # It stands still under Riccati's recursion, and a long one ends there.
+    backward = np.zeros((4, 4))
+    for _ in range(3000):
+        gain = np.linalg.solve(R + B.T @ backward @ B, S.T + B.T @ backward @ A)
+        backward = Q + A.T @ backward @ A - (S + A.T @ backward @ B) @ gain
+    np.testing.assert_allclose(P, backward, rtol=1e-9)
+    np.testing.assert_allclose(K, gain, rtol=1e-9, atol=1e-12)
+    assert np.abs(np.linalg.eigvals(A - B @ K)).max() < 1.0
+
+
+def test_a_steady_regulator_says_that_steps_have_a_length() -> None:
+    with pytest.raises(ArgumentError, match="dt"):
+        steady_state_regulator(np.eye(2), np.eye(2), dt=0.0)

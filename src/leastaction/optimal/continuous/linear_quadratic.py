@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.arrays import Array, as_array, as_number
 from leastaction.numerics.piecewise import PiecewisePolynomial, approximate
 from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
 from leastaction.optimal.accuracy import Accuracy
@@ -169,18 +169,28 @@ def regulate_continuous(
 
 
 def steady_state_regulator(
-    A: ArrayLike, B: ArrayLike, *, Q: ArrayLike | None = None, R: ArrayLike | None = None, S: ArrayLike | None = None
+    A: ArrayLike,
+    B: ArrayLike,
+    *,
+    Q: ArrayLike | None = None,
+    R: ArrayLike | None = None,
+    S: ArrayLike | None = None,
+    dt: float | None = None,
 ) -> tuple[Array, Array]:
     """Return the gains K (nu, nx) and the cost P (nx, nx) of the LQR over an endless horizon.
 
     Parameters
     ----------
     A, B : array_like (nx, nx), (nx, nu)
-        Dynamics that do not change.
+        Dynamics that do not change: ``dx/dt = A x + B u`` in continuous time, ``x+ = A x + B u`` of steps where ``dt``
+        is given.
     Q, R : array_like (n,) or (n, n), optional
-        Weights; identities if left out.
+        Weights, of the integral or of the sum over steps; identities if left out.
     S : array_like (nx, nu), optional
         Cross weight.
+    dt : float, optional
+        Length of the steps that A and B are of (s); they are of continuous time if left out. Matrices of steps, such as
+        those of `MidpointSystem.linearize`, need it: taken for continuous ones they give gains without any use.
 
     Raises
     ------
@@ -193,15 +203,23 @@ def steady_state_regulator(
     Q = matrix_of(np.ones(nx) if Q is None else as_array(Q, "Q", (nx,), (nx, nx)))
     R = matrix_of(np.ones(nu) if R is None else as_array(R, "R", (nu,), (nu, nu)))
     S = np.zeros((nx, nu)) if S is None else as_array(S, "S", (nx, nu))
-    from scipy.linalg import solve_continuous_are
+    from scipy.linalg import solve_continuous_are, solve_discrete_are
 
     try:
-        P = solve_continuous_are(A, B, Q, R, s=S)
-        K = np.linalg.solve(R, S.T + B.T @ P)
+        if dt is None:
+            P = solve_continuous_are(A, B, Q, R, s=S)
+            K = np.linalg.solve(R, S.T + B.T @ P)
+        else:
+            as_number(dt, "dt (s)", above=0.0)
+            P = solve_discrete_are(A, B, Q, R, s=S)
+            K = np.linalg.solve(R + B.T @ P @ B, S.T + B.T @ P @ A)
     except (np.linalg.LinAlgError, ValueError) as error:
+        if isinstance(error, ArgumentError):
+            raise
+        hint = "" if dt is not None else " A and B that are of steps need dt=."
         raise ArgumentError(
             f"A, B, Q, R: there is no steady-state regulator ({str(error).rstrip('.')}). Every unstable mode must be "
-            "within reach of the input and seen by Q, and R positive definite."
+            f"within reach of the input and seen by Q, and R positive definite.{hint}"
         ) from error
     return K, 0.5 * (P + P.T)
 
