@@ -67,8 +67,6 @@ def test_the_gallery_shows_it(script: str) -> None:
 
 
 LONG = {
-    "05_scissor_lift",
-    "07_actuated_arm",
     "12_radial_engine",
     "18_marionette",
 }  # more than a few seconds
@@ -127,7 +125,7 @@ def test_identification_again_and_again(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_user_elements(monkeypatch: pytest.MonkeyPatch) -> None:
-    example = load("02_user_elements", monkeypatch)
+    example = study("user_elements")
     result = example.check(example.turn_cam(), example.levitate(), example.run_down())
     assert result.cam_error < 1e-12
     assert result.cam_energy < 1e-5
@@ -140,7 +138,7 @@ def test_user_elements(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_finger(monkeypatch: pytest.MonkeyPatch) -> None:
-    example = load("03_finger_tendons", monkeypatch)
+    example = study("finger_tendons")
     result = example.simulate()
     assert result.virtual_work < 1e-9
     assert result.rest < 1e-9
@@ -156,7 +154,7 @@ def test_finger(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_assembly_and_equilibrium(monkeypatch: pytest.MonkeyPatch) -> None:
-    example = load("04_assembly_and_equilibrium", monkeypatch)
+    example = study("assembly_and_equilibrium")
     result = example.solve()
     assert result.gap < 1e-12
     assert np.abs(result.closed - example.GUESS).max() < 0.4
@@ -173,7 +171,7 @@ def test_assembly_and_equilibrium(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_scissor_lift(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("sympy")
-    example = load("05_scissor_lift", monkeypatch)
+    example = study("scissor_lift")
     t = np.linspace(0.0, 10.0, 2001)
     exact = example.reference(5, t)
     off = [np.abs(example.swing(5, t[::every])["L0"] - exact[::every])[:: 4 // every] for every in (2, 1)]
@@ -188,7 +186,7 @@ if importlib.util.find_spec("ode") is not None:  # optional, and from a system's
 
     def test_scissor_lift_beside_the_open_dynamics_engine(monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.importorskip("sympy")
-        example = load("05_scissor_lift", monkeypatch)
+        example = study("scissor_lift")
         t = np.linspace(0.0, 1.0, 1001)
         off = [np.abs(example.ode_swing(5, t[::every]) - example.reference(5, t[::every])).max() for every in (10, 1)]
         assert off[1] < 0.01 < off[0] < 0.1
@@ -196,7 +194,7 @@ if importlib.util.find_spec("ode") is not None:  # optional, and from a system's
 
 def test_the_lifts_damping_is_in_its_motion_and_not_in_its_amplitude(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("sympy")
-    example = load("05_scissor_lift", monkeypatch)
+    example = study("scissor_lift")
     experiment = example.Experiment()
     found, error = experiment.identify()
     assert abs(found[-1] - example.DAMPING) < 3.0 * error
@@ -209,7 +207,7 @@ def test_the_lifts_damping_is_in_its_motion_and_not_in_its_amplitude(monkeypatch
 @pytest.mark.slow
 def test_scissor_lift_over_a_thousand_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("sympy")
-    example = load("05_scissor_lift", monkeypatch)
+    example = study("scissor_lift")
     swings, late, grown = example.endurance()
     assert swings == 428
     assert abs(late) < 1e-3 * 1000.0
@@ -253,7 +251,7 @@ def test_cart_pendulum_in_both_kinds_of_time(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_actuated_arm(monkeypatch: pytest.MonkeyPatch) -> None:
-    example = load("07_actuated_arm", monkeypatch)
+    example = study("actuated_arm")
     monkeypatch.setattr(example, "STEPS", (100, 200))
     runs, errors = example.solve()
     inside, held = errors["law inside of the step"], errors["law held over the step"]
