@@ -1,0 +1,3 @@
+"""Longer studies behind the examples: what the tests hold the numbers of."""
+
+from __future__ import annotations
