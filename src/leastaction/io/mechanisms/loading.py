@@ -89,8 +89,8 @@ def load(
         given = {"floating": free, "fixed": fixed, "motors": motors is not None, "bodies": bodies is not None}
         if asked := [name for name, value in given.items() if value]:
             raise ArgumentError(
-                f"load: got {', '.join(asked)} for {file.name}, a file of ours, which says all of that itself; leave them "
-                "out, or change the mechanism (with_frames, with_elements, with_parameters)"
+                f"load: got {', '.join(asked)} for {file.name}, a file of ours, which says all of that itself; leave "
+                "them out, or change the mechanism (with_frames, with_elements, with_parameters)"
             )
         return _own(file)
     spec = None
