@@ -54,13 +54,15 @@ def four_bar() -> View:
 
 
 def hexapod() -> View:
-    """The Stewart platform of the examples, which sinks without its motors."""
+    """The Stewart platform of the examples, which leans as one motor pushes less."""
     pytest.importorskip("mujoco")
     model = load(Path(__file__).parents[2] / "examples" / "models" / "stewart.xml")
     m = model.mechanism
     vi = MidpointVI(m)
     q = project_configuration(m, m.configuration(model.reference)).q
-    return show(vi.simulate(vi.start(q), np.linspace(0.0, 0.6, 121)), shapes=model.shapes, title="Hexapod")
+    push = [52.2, 52.2, 52.2, 52.2, 49.0, 49.0]  # 52.2 N each carry it
+    run = vi.simulate(vi.start(q), np.linspace(0.0, 0.6, 121), inputs=push)
+    return show(run, shapes=model.shapes, title="Hexapod")
 
 
 def suspended() -> View:
