@@ -13,11 +13,10 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
 import leastaction as la
-from leastaction.viz import plot_reactions, save_png
+from leastaction.viz import plot_poses, plot_reactions, save_png
 
 LINKS, LENGTH, MASS, SPAN, GRAVITY = 24, 0.1, 0.05, 1.6, 9.81
 T = np.linspace(0.0, 60.0, 6001)
@@ -36,12 +35,10 @@ def hung_chain() -> la.Mechanism:
     )
 
 
-def cable() -> tuple[float, np.ndarray]:
-    """Return the pull along x (N) of a cable of this length and weight between the hooks, and points (n, 2) of it."""
+def cable() -> float:
+    """Return the pull along x (N) of a cable of this length and weight between the hooks."""
     a = brentq(lambda a: 2.0 * a * np.sinh(SPAN / (2.0 * a)) - LINKS * LENGTH, 0.05, 10.0)
-    x = np.linspace(0.0, SPAN, 200)
-    y = a * (np.cosh((x - SPAN / 2.0) / a) - np.cosh(SPAN / (2.0 * a)))
-    return MASS * GRAVITY / LENGTH * a, np.stack([x, y], axis=1)
+    return MASS * GRAVITY / LENGTH * a
 
 
 def solve() -> la.Trajectory:
@@ -60,17 +57,10 @@ def main(output: Path) -> None:
     print(f"closed from the guess; the constraints stay within {residual:.0e} m over {run.steps} steps")
     apart = np.abs(run.q[-1] - la.equilibrium(m, run.q[-1]).q).max()
     print(f"after {T[-1]:g} s it is within {apart:.0e} rad of the equilibrium")
-    print(f"the ends pull with {pull:.3f} N along x; those of a cable of this weight with {cable()[0]:.3f} N")
+    print(f"the ends pull with {pull:.3f} N along x; those of a cable of this weight with {cable():.3f} N")
     output.mkdir(parents=True, exist_ok=True)
-    shape = Figure(figsize=(8.0, 4.0), layout="constrained")
-    axes = shape.subplots()
-    for k, look in ((0, "0.75"), (20, "tab:cyan"), (50, "tab:blue"), (-1, "k")):
-        points = m.positions(run.q[k], [*(f"link{i}" for i in range(LINKS)), "end"])
-        axes.plot(*points[:, :2].T, ".-", color=look, label=f"{T[k]:g} s")
-    axes.plot(*cable()[1].T, color="tab:orange", lw=5, alpha=0.5, label="cable", zorder=0)
-    axes.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
-    axes.legend(frameon=False)
-    save_png([shape, plot_reactions(run, title="Forces that close the loop")], output / "11_closed_chain.png", dpi=110)
+    figures = [plot_poses(run, [0.0, T[-1]]), plot_reactions(run, title="Forces that close the loop")]
+    save_png(figures, output / "11_closed_chain.png", dpi=110)
 
 
 if __name__ == "__main__":

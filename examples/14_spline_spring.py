@@ -9,12 +9,11 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import leastaction as la
-from leastaction.viz import plot_run, save_png
+from leastaction.viz import plot_energy, plot_run, save_png
 
 MASS = 0.3
 # Measured on a buckled leaf: it pushes back at both ends and to the sides from the middle.
@@ -58,12 +57,9 @@ def main(output: Path) -> None:
         print(f"rest at {1e3 * rest.q[0]:+6.2f} mm: {rest.stability.name.lower()}")
     for start, (name, run) in zip(STARTS, runs.items(), strict=True):
         print(f"let go at {name}: a period takes {counted(run['x']):.5f} s, by quadrature {period(start):.5f} s")
-    force = Figure(figsize=(8.0, 2.4), layout="constrained")
-    x = np.linspace(PLACES[0], PLACES[-1], 400)
-    force.subplots().plot(1e3 * x, SPRING(x), "-", 1e3 * PLACES, FORCES, "k.")
-    force.axes[0].set(xlabel="place (mm)", ylabel="force (N)", title="the spring, through what was measured")
     output.mkdir(parents=True, exist_ok=True)
-    save_png([force, plot_run(runs, title="Let go at")], output / "14_spline_spring.png", dpi=110)
+    figures = [plot_run(runs, title="Let go at"), plot_energy(run, title="Over the top and back")]
+    save_png(figures, output / "14_spline_spring.png", dpi=110)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from leastaction import (
     MidpointVI,
     Trajectory,
     load,
+    project_configuration,
     show,
     simulate,
     tx,
@@ -50,6 +51,18 @@ def four_bar() -> View:
     """The four-bar with a reference that lags behind, and the path of a joint."""
     run = four_bar_run()
     return show(run, reference=np.vstack((run.q[:1], run.q[:-1])), traces=["B0"], title="Four-bar")
+
+
+def hexapod() -> View:
+    """The Stewart platform of the examples, which leans as one motor pushes less."""
+    pytest.importorskip("mujoco")
+    model = load(Path(__file__).parents[2] / "examples" / "models" / "stewart.xml")
+    m = model.mechanism
+    vi = MidpointVI(m)
+    q = project_configuration(m, m.configuration(model.reference)).q
+    push = [52.2, 52.2, 52.2, 52.2, 49.0, 49.0]  # 52.2 N each carry it
+    run = vi.simulate(vi.start(q), np.linspace(0.0, 0.6, 121), inputs=push)
+    return show(run, shapes=model.shapes, title="Hexapod")
 
 
 def suspended() -> View:

@@ -121,9 +121,13 @@ def test_a_phone_in_the_dark(browser: Browser, page: Path) -> None:
         browser.ask("Emulation.clearDeviceMetricsOverride")
 
 
-@pytest.mark.parametrize("what", ["suspended", "bent_hand", "ur5", "go2", "talos"])
+@pytest.mark.parametrize("what", ["suspended", "bent_hand", "hexapod", "ur5", "go2", "talos"])
 def test_what_it_looks_like(browser: Browser, tmp_path: Path, what: str) -> None:
-    makers: dict[str, Callable[[], View]] = {"suspended": scenes.suspended, "bent_hand": scenes.bent_hand}
+    makers: dict[str, Callable[[], View]] = {
+        "suspended": scenes.suspended,
+        "bent_hand": scenes.bent_hand,
+        "hexapod": scenes.hexapod,
+    }
     view = makers[what]() if what in makers else scenes.robot(what)
     browser.show(view.save(tmp_path / "page.html"), "#t=0.6")
     assert painted(pixels(browser, what)) > 0.01

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import leastaction
+from leastaction import Gravity, Mechanism, load, tz
 from leastaction.errors import ArgumentError, LeastActionError, MissingExtraError, ModelFileError
 
 BAD = {
@@ -110,3 +111,10 @@ def test_arguments_that_cannot_be(tmp_path: Path) -> None:
     for options in ({"inertia": "lenient"}, {"floating": 1}, {"fixed": "j"}, {"motors": ["j"]}, {"motors": "j"}):
         with pytest.raises((ArgumentError, LeastActionError)):
             leastaction.load(file, **options)  # type: ignore[arg-type]
+
+
+def test_options_are_not_for_files_of_ours(tmp_path: Path) -> None:
+    file = Mechanism([tz("z", mass=1.0)], [Gravity()]).save(tmp_path / "fall.yaml")
+    assert load(file).mechanism.variables == ("z",)
+    with pytest.raises(ArgumentError, match=r"got floating for fall.yaml"):
+        load(file, floating=True)

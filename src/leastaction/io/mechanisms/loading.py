@@ -7,7 +7,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Literal
 
-from leastaction.errors import DescriptionError, ModelFileError, some
+from leastaction.errors import ArgumentError, DescriptionError, ModelFileError, some
 from leastaction.io.mechanisms import rotations
 from leastaction.io.mechanisms.changes import with_bodies, with_fixed, with_free_base
 from leastaction.io.mechanisms.joint_elements import elements_of_joints, settling
@@ -86,6 +86,12 @@ def load(
     free, all_or_nothing = as_flag(floating, "floating"), as_flag(strict, "strict")
     text = read_text(file)
     if file.suffix.lower() in OWN:
+        given = {"floating": free, "fixed": fixed, "motors": motors is not None, "bodies": bodies is not None}
+        if asked := [name for name, value in given.items() if value]:
+            raise ArgumentError(
+                f"load: got {', '.join(asked)} for {file.name}, a file of ours, which says all of that itself; leave "
+                "them out, or change the mechanism (with_frames, with_elements, with_parameters)"
+            )
         return _own(file)
     spec = None
     if is_mjcf(text):

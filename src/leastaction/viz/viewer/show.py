@@ -197,7 +197,8 @@ def motion_scene(
     solids = tuple(shape for shape in shapes if shape.color[3] > 0.0) or drawn.shapes
     cords = cords_of(m)
     size = max(float(np.linalg.norm(np.ptp(m.positions(q), axis=1), axis=1).max()), 0.1)
-    marks = joint_marks(m, q, size)
+    # Where a file says what a mechanism looks like, its slides are seen without rails.
+    marks = [mark for mark in joint_marks(m, q, size) if mark.kind != "slide" or not shapes]
     names = [name for bone in bones for name in (bone.start, bone.end)]
     names += [name for cord in cords for name in cord.path] + [*traces]
     focus = _floating(m)
