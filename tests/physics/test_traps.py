@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 
+from leastaction import pose, ry
 from leastaction.errors import ArgumentError, DescriptionError, EquilibriumError
 from leastaction.mechanics import (
     Body,
@@ -135,3 +136,13 @@ def test_inputs_sampled_at_the_middle_of_steps_are_of_second_order() -> None:
             found.append(abs(float(run.q[-1, 0]) - (np.e - 2.0)))
     assert errors[0.0][0] / errors[0.0][1] == pytest.approx(2.0, abs=0.1)
     assert errors[0.5][0] / errors[0.5][1] == pytest.approx(4.0, abs=0.2)
+
+
+def test_numbers_that_overflow_are_no_warning() -> None:
+    arm = [ry("a", mass=0.2, com=(-0.3, -0.3, -0.3)), [pose(translation=(0.3, 0.3, 0.3), name="tip")]]
+    m = Mechanism(
+        [*arm, pose(translation=(-2.0, -2.0, -2.0), name="post")], [LinearSpring("tip", "post", stiffness=0.5)]
+    )
+    far = m.with_parameters({"tip.translation.x": 1e300})
+    found = far.lagrangian([0.3], [0.0]).along(q=[1.0], v=[1.0])
+    assert not np.isfinite(found.hessian).all()

@@ -156,6 +156,10 @@ def _called(symbol: str, element: str | None) -> str:
     return symbol if element is None else f"{symbol} of {element!r}"
 
 
+# Numbers that overflow are seen in what comes out.
+_quiet = np.errstate(over="ignore", invalid="ignore")
+
+
 @dataclass(frozen=True)
 class PotentialAt:
     """Potentials by q at a configuration (nq,): their sum."""
@@ -164,6 +168,7 @@ class PotentialAt:
     parts: Parts
     q: Array
 
+    @_quiet
     def __call__(self, directions: Array, weights: Array) -> tuple[Array, Array, Array]:
         """Evaluate; see `Evaluate`."""
         n, parts = self.mechanism.nq, self.parts
@@ -193,6 +198,7 @@ class LagrangianAt:
     q: Array
     v: Array
 
+    @_quiet
     def __call__(self, directions: Array, weights: Array) -> tuple[Array, Array, Array]:
         """Evaluate; see `Evaluate`."""
         n, parts = self.mechanism.nq, self.parts
@@ -214,6 +220,7 @@ class ConstraintsAt:
     parts: Parts
     q: Array
 
+    @_quiet
     def __call__(self, directions: Array, weights: Array) -> tuple[Array, Array, Array]:
         """Evaluate; see `Evaluate`."""
         n, first, last = self.mechanism.nq, self.parts.first.constraints, self.parts.last.constraints
@@ -232,6 +239,7 @@ class ForceAt:
     v: Array
     u: Array
 
+    @_quiet
     def __call__(self, directions: Array, weights: Array) -> tuple[Array, Array, Array]:
         """Evaluate; see `Evaluate`."""
         core, at, n = self.mechanism.core, (self.q, self.v, self.u), self.mechanism.nq
