@@ -17,6 +17,7 @@ from leastaction.mechanics import (
     Gravity,
     JointForce,
     JointSpring,
+    LinearSpring,
     Mechanism,
     MidpointVI,
     TendonForce,
