@@ -1,4 +1,4 @@
-"""Damping, mass and length of a pendulum on a cart from a measured motion, by exact derivatives of the simulation.
+"""Identify a pendulum on a cart: damping, mass and length from a measured motion, by exact derivatives.
 
 The cart is pushed by a known force; its place and the angle of the pendulum are measured with noise. One call of
 `MidpointVI.sensitivity` gives the derivatives of the whole motion by the numbers that `least_squares` looks for.
