@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import LeastActionError
+from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.easing import EasedProblem
+from leastaction.optimal.discrete.shooting import Gapped
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.limit import Bound
 from leastaction.optimal.limits.problem import LimitedProblem
@@ -54,13 +56,21 @@ def _set_out(run: Run, outcome: Outcome) -> bool:
     within = within_resolved(asked)
     if within is None:
         return False
-    try:
-        within.start((asked.x, asked.u) if asked.first is None else (asked.first.x, asked.first.u))
-    except LeastActionError:
+    # From the first trajectory, which has not come to coarse steps yet; from where it stands if that cannot be.
+    starts = [(asked.x, asked.u)] if asked.first is None else [(asked.first.x, asked.first.u), (asked.x, asked.u)]
+    if not any(_can_start(within, start) for start in starts):
         return False
     steps = [step.angle for step in (asked.worst_step, outcome.refused) if step is not None]
     run.resolved, run.problem, run.asked_problem = Resolved(asked.place(), max(steps, default=0.0)), within, asked
     run.begin_again("", "began again, among motions that the steps of time resolve")
+    return True
+
+
+def _can_start(within: LimitedProblem, start: tuple[Array, Array]) -> bool:
+    try:
+        within.start(start)
+    except LeastActionError:
+        return False
     return True
 
 
@@ -109,7 +119,9 @@ def within_resolved(asked: Asked) -> LimitedProblem | None:
     names, rates = resolved
     rows = list(asked.limited.rows) if isinstance(asked, LimitedProblem) else []
     rows += Bound(names, -rates, rates, of="rate").rows(asked.system, 0 if asked.free_start is not False else 1)
-    within = LimitedProblem(asked.system, asked.asked, rows, asked.settings, asked.free_start)
+    # A start that no roll-out can follow opens with gaps, where gaps are allowed.
+    gapped: Gapped = "never" if asked.gapped == "never" else "where needed"
+    within = LimitedProblem(asked.system, asked.asked, rows, asked.settings, asked.free_start, gapped)
     within.clock, within.rollouts = asked.clock, asked.rollouts
     return within
 
