@@ -27,7 +27,40 @@ class DescriptionError(LeastActionError, ValueError):
 
 
 class ArgumentError(LeastActionError, ValueError):
-    """An argument has the wrong shape, an unknown name, a value that is not finite or out of range."""
+    """An argument has the wrong shape, an unknown name, a value that is not finite or out of range.
+
+    Attributes
+    ----------
+    function : str
+        What was called with it, with which the message begins; empty where that is not known.
+    """
+
+    function = ""
+
+    def __str__(self) -> str:
+        said = super().__str__()
+        return said if not self.function or said.startswith(self.function) else f"{self.function}: {said}"
+
+
+class KeywordError(ArgumentError, TypeError):
+    """A keyword that a function does not have.
+
+    Attributes
+    ----------
+    keyword : str
+        What was given.
+    known : set[str]
+        The keywords that there are.
+    """
+
+    def __init__(self, keyword: str, known: Iterable[str]) -> None:
+        super().__init__(keyword)
+        self.keyword = keyword
+        self.known = set(known) - {"self"}
+
+    def __str__(self) -> str:
+        near = closest(self.keyword, sorted(self.known), what="arguments")
+        return f"{self.function or 'the call'}: has no argument {self.keyword!r}; {near}"
 
 
 class ProjectionError(ArgumentError):
@@ -214,7 +247,7 @@ def closest(name: object, known: Iterable[str], *, what: str) -> str:
     One sentence, such as ``"did you mean 'theta'?"`` or ``"the frames are 'a', 'b'"``. ``what``: their kind in the
     plural.
     """
-    names = list(known)
+    names = [each for each in known if isinstance(each, str)]
     near = difflib.get_close_matches(name, names, n=3, cutoff=0.6) if isinstance(name, str) else []
     if isinstance(name, str) and not near:
         folded = {known_name.casefold(): known_name for known_name in names}

@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-
 from api.wrong_arguments import WRONG, arm, calls
+
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.mechanics import check_consistent, equilibrium, project_configuration
 

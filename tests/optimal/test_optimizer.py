@@ -104,7 +104,7 @@ def test_bad_input() -> None:
     optimizer.run(REST)
     with pytest.raises(ArgumentError, match="x0: got shape"):
         optimizer.again(np.zeros(3))
-    with pytest.raises(ArgumentError, match=r"tolerence: is no option; .*'tolerance'"):
+    with pytest.raises(ArgumentError, match=r"optimize: has no argument .tolerence.; .*'tolerance'"):
         optimize(cart(), tracking(), initial=REST, tolerence=1e-3)
     with pytest.raises(ArgumentError, match="without"):
         Options(without=["easy"])  # type: ignore[arg-type]

@@ -33,6 +33,7 @@ from leastaction.mechanics.discrete.trajectory import SimulationStatus, Trajecto
 from leastaction.mechanics.mechanism.arguments import check_same_names
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_flag, as_number, as_times, require_instance
+from leastaction.numerics.public import public
 
 _STATUS = {
     SimulationStatus.COMPLETED: IntegrationStatus.COMPLETED,
@@ -47,6 +48,7 @@ _LONGEST = 1e100  # s: of a step of time whose square is a number
 # Trajectories
 
 
+@public
 def to_discrete(
     trajectory: ContinuousTrajectory, integrator: MidpointVI, t: ArrayLike | None = None, *, sampled: bool = False
 ) -> Trajectory:
@@ -101,6 +103,7 @@ def to_discrete(
     return Trajectory(m, times, q, inputs, impulses, p=p, v_rho=v_rho, message=message)
 
 
+@public
 def to_continuous(run: Trajectory, *, dynamics: ContinuousDynamics | None = None) -> ContinuousTrajectory:
     """Return a discrete trajectory as one in continuous time.
 
@@ -167,6 +170,7 @@ def to_continuous(run: Trajectory, *, dynamics: ContinuousDynamics | None = None
 # Feedback gains
 
 
+@public
 def gain_to_discrete(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, K: ArrayLike, dt: float) -> Array:
     """Return the gains on the discrete state that do what given ones do on the continuous state.
 
@@ -204,6 +208,7 @@ def gain_to_discrete(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, K: ArrayL
     return result
 
 
+@public
 def gain_to_continuous(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, K: ArrayLike, dt: float) -> Array:
     """Return the gains on the continuous state that do what given ones do on the discrete state.
 

@@ -22,6 +22,7 @@ from leastaction.models import (
     puppet_arm,
     scissor_lift,
 )
+from leastaction.numerics.public import public
 
 __all__ = [
     "MODELS", "andrews", "bricard", "broad_hand", "build", "cart_pendulum", "chain", "four_bars", "hand", "marionette",
@@ -42,6 +43,7 @@ MODELS: dict[str, Callable[[], Mechanism]] = {
 """The models by name, each with its default arguments."""
 
 
+@public
 def build(name: str) -> Mechanism:
     """Build a model by name.
 

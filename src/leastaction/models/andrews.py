@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from leastaction.mechanics import Body, JointForce, LinearSpring, Mechanism, PointToPoint, world
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 
 A, B, C = (-0.06934, -0.00227), (-0.03635, 0.03273), (0.014, 0.072)
 """The pivots on the ground, and the fixed end of the spring (m)."""
@@ -29,6 +30,7 @@ START = {
 """The consistent configuration at rest from which the test set starts (rad)."""
 
 
+@public
 def andrews() -> Mechanism:
     """Return Andrews' squeezing mechanism.
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from leastaction.mechanics import Body, Gravity, HingeLoop, Mechanism, world
 from leastaction.numerics.arrays import as_number
+from leastaction.numerics.public import public
 
 # Links from joint to joint at zero angles, along edges of a cube, and the axes of the joints before them.
 # Each axis is at right angles to the links on both of its sides.
@@ -15,6 +16,7 @@ _LINKS = ((1, 0, 0), (0, -1, 0), (0, 0, 1), (-1, 0, 0), (0, 1, 0))
 _AXES = "yzxyz"
 
 
+@public
 def bricard(*, length: float = 1.0, mass: float = 1.0, gravity: Sequence[float] = (0.0, -9.81, 0.0)) -> Mechanism:
     """Return Bricard's linkage of five equal slender rods, the sixth side of which is the ground.
 

@@ -17,6 +17,7 @@ from leastaction.mechanics import (
     rz,
     tx,
 )
+from leastaction.numerics.public import public
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 JOINTS = ("cmc", "mcp.side", "mcp", "pip", "dip")
@@ -32,6 +33,7 @@ _SCALES = {"thumb": 0.8, "index": 1.0, "middle": 1.08, "ring": 1.0, "little": 0.
 RADIUS = 0.008  # of a bone with its flesh, where tendons run
 
 
+@public
 def broad_hand(*, tendons: bool = True) -> Mechanism:
     """Return a hand of five fingers with five joints each, the palm up to the wrist fixed in the world.
 

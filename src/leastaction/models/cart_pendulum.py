@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from leastaction.mechanics import Damping, Element, Gravity, JointForce, Mechanism, rz, tx, ty
+from leastaction.numerics.public import public
 
 
+@public
 def cart_pendulum(
     *,
     cart_mass: float = 10.0,

@@ -6,8 +6,10 @@ import numpy as np
 
 from leastaction.mechanics import Body, Gravity, Mechanism, PointToPoint, world
 from leastaction.numerics.arrays import Array, as_count, as_number
+from leastaction.numerics.public import public
 
 
+@public
 def four_bars(loops: int = 2, *, length: float = 1.0, mass: float = 1.0, gravity: float = 9.81) -> Mechanism:
     """Return equal four-bar linkages in a row, in the x-y plane.
 

@@ -27,6 +27,7 @@ from leastaction.mechanics import (
 from leastaction.mechanics.description.poses import constant_matrix
 from leastaction.models.broad_hand import FINGERS, JOINTS, TENDONS, bone_body, broad_hand
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 
 __all__ = ["BONES", "FINGERS", "JOINTS", "TENDONS", "TRAVEL", "hand", "posture", "tendon_frames", "tendon_lengths"]
 
@@ -86,6 +87,7 @@ _STOP, _SOFT = 0.02, 0.06  # torque of a stop at the end of a joint's travel (N 
 _FIBRES = 0.05  # change of a muscle's length (m) by which its force falls to 1/e
 
 
+@public
 def hand(*, joints: Literal[16, 25] = 16, tendons: bool = True, force_length: bool = True) -> Mechanism:
     """Return a right hand, palm down, its palm fixed in the world.
 

@@ -38,6 +38,7 @@ from leastaction.models.puppet_controls import (
     strings_on,
     tied_strings,
 )
+from leastaction.numerics.public import public
 
 __all__ = [
     "CONTROLS", "HOOK_REACH", "JOINT_LIMITS", "NINE_STRINGS", "PLANE_HEIGHT", "REST", "STRINGS", "STRING_SETS",
@@ -75,6 +76,7 @@ degrees off where the first and the third turn about one axis, and spin. The mod
 motion states them as limits."""
 
 
+@public
 def marionette(*, damping: float = 0.2, strings: Hanging = 6, by: Literal["length", "tension"] = "length") -> Mechanism:
     """Return the marionette.
 

@@ -8,11 +8,13 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import Body, Damping, Distance, Gravity, Mechanism, rz, tx, ty
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 
 STRING = ("string-x", "string-length")
 """The kinematic variables: the place of the string's upper end along x, and its length (m)."""
 
 
+@public
 def puppet_arm(
     *,
     upper: float = 0.25,

@@ -7,8 +7,10 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import Body, Damping, Element, Gravity, JointForce, Mechanism, PointToPoint, world
 from leastaction.numerics.arrays import Array, as_count, as_number
+from leastaction.numerics.public import public
 
 
+@public
 def scissor_lift(
     segments: int = 5,
     *,

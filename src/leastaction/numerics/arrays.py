@@ -26,6 +26,7 @@ def as_array(
     *shapes: tuple[int | None, ...],
     meaning: str = "",
     names: Sequence[str] | None = None,
+    finite: bool = True,
     error: type[LeastActionError] = ArgumentError,
 ) -> Array:
     """Return a value as an array of finite doubles of one of the given shapes.
@@ -33,10 +34,17 @@ def as_array(
     ``value``: what the user gave. It is not copied if it is a contiguous array of doubles already. ``what``: what it
     is, for the message: ``"q"``, ``"the com of frame 'bob'"``. ``*shapes``: the shapes that are allowed; None stands
     for any length, no shape at all for any shape. ``meaning``: what the axes mean, for the message: ``"(N+1, nx)"``.
-    ``names``: names of the entries along the last axis, so that a bad entry can be named. Raises `ArgumentError` if the
+    ``names``: names of the entries along the last axis, so that a bad entry can be named. ``finite``: whether infinities
+    are refused too. Raises `ArgumentError` if the
     value is not numeric, has another shape or holds a NaN or an infinity.
     """
-    if type(value) is np.ndarray and value.shape in shapes and value.dtype == np.float64 and value.flags.c_contiguous:
+    if (
+        finite
+        and type(value) is np.ndarray
+        and value.shape in shapes
+        and value.dtype == np.float64
+        and value.flags.c_contiguous
+    ):
         require_finite(value, what, names=names, error=error)
         return value
     try:
@@ -44,7 +52,7 @@ def as_array(
         if given.dtype.kind not in "biuf":
             raise TypeError
         array = np.ascontiguousarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         wanted = f" of shape {_shapes(shapes, meaning)}" if shapes or meaning else ""
         # The result of a search, such as a projection, holds what is asked for under the same name.
         within = what.isidentifier() and isinstance(getattr(value, what, None), np.ndarray)
@@ -59,8 +67,21 @@ def as_array(
         if names and any(shape and shape[-1] == len(names) for shape in shapes):
             hint = f"; the last axis holds {_some(names)}"
         raise error(f"{what}: got shape {array.shape}, expected {_shapes(shapes, meaning)}{hint}")
-    require_finite(array, what, names=names, error=error)
+    if finite:
+        require_finite(array, what, names=names, error=error)
+    elif np.isnan(array).any():
+        raise error(f"{what}: got nan at index {tuple(np.argwhere(np.isnan(array))[0].tolist())}, expected numbers")
     return array
+
+
+def as_wanted(value: object, what: str, *shapes: tuple[int | None, ...]) -> Array:
+    """Return a value as an array of doubles of one of the given shapes, where NaN says that nothing is wanted."""
+    try:
+        given = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        return as_array(value, what, *shapes)
+    as_array(np.where(np.isnan(given), 0.0, given), what, *shapes)
+    return given
 
 
 def require_finite(
@@ -145,6 +166,14 @@ def as_count(value: object, what: str, least: int, *, error: type[LeastActionErr
     if number > _MOST:
         raise error(f"{what}: got a number of {len(str(number))} digits, expected at most {_MOST}")
     return number
+
+
+def as_places(value: object, what: str, meaning: str = "") -> NDArray[np.intp]:
+    """Return whole numbers (n,), none of them negative: places in something; ``meaning``: in what, for the message."""
+    numbers = as_array(value, what, (None,), meaning=meaning)
+    if np.any(numbers != np.floor(numbers)) or np.any(numbers < 0.0) or np.any(numbers > _MOST):
+        raise ArgumentError(f"{what}: got {brief(numbers.tolist())}, expected whole numbers, at least 0")
+    return numbers.astype(np.intp)
 
 
 def as_time_step(dt: object) -> float:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import DescriptionError, SwingWarning, brief
 from leastaction.numerics.arrays import Array, as_array, as_choice, as_count, as_number
 from leastaction.numerics.hermite import monotone, quintics, suggested_curvatures
+from leastaction.numerics.public import public
 
 _DEGREE = 5
 Between = Literal["smooth", "monotone"]
@@ -23,6 +24,7 @@ _SWING, _SWING_OF_ALL = 1.0, 0.01
 _INSIDE = np.linspace(0.0, 1.0, 12)[1:-1]  # of the way from one point to the next
 
 
+@public
 class Curve:
     """A smooth function of one variable through given points: an interpolating quintic spline.
 

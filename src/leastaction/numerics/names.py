@@ -31,6 +31,14 @@ def as_names(names: object, what: str, of: str) -> tuple[str, ...]:
     return found
 
 
+def some_names(names: object, what: str, of: str) -> tuple[str, ...]:
+    """Return one name or several, at least one, or raise an `ArgumentError` as `as_names` does."""
+    found = (names,) if isinstance(names, str) else as_names(names, what, of)
+    if not found:
+        raise ArgumentError(f"{what}: got no name, expected {of}")
+    return found
+
+
 def matching(names: Sequence[str], pattern: str) -> list[int]:
     """Return the places of the names that are the pattern, or that it means with wildcards (``"string-*"``)."""
     return [i for i, name in enumerate(names) if name == pattern or fnmatchcase(name, pattern)]

@@ -18,7 +18,8 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, as_array, as_choice, as_times
+from leastaction.numerics.arrays import Array, as_array, as_choice, as_count, as_number, as_times
+from leastaction.numerics.public import public
 
 Through = Literal["linear", "hold", "cubic"]
 """How a function goes from one sample to the next."""
@@ -39,6 +40,7 @@ _MOST_HALVINGS = 12
 _MOST_PIECES = 20_000
 
 
+@public
 class PiecewisePolynomial:
     """A function of time, ``f(t)``, of any shape; continuous from the right where it jumps.
 
@@ -68,7 +70,8 @@ class PiecewisePolynomial:
     @classmethod
     def constant(cls, value: ArrayLike, t0: float, tf: float) -> PiecewisePolynomial:
         """Return a constant over ``[t0, tf]``."""
-        array = np.asarray(value, dtype=np.float64)
+        array = as_array(value, "value")
+        t0, tf = as_number(t0, "t0"), as_number(tf, "tf")
         return cls(np.array([t0, tf]), array.reshape(1, 1, -1).copy(), array.shape)
 
     @classmethod
@@ -151,7 +154,7 @@ class PiecewisePolynomial:
 
     def derivative(self, order: int = 1) -> PiecewisePolynomial:
         """Return the derivative of an order by time."""
-        if order == 0:
+        if as_count(order, "order", 0) == 0:
             return self
         slopes = chebyshev.chebder(self.coefficients, axis=1) * np.asarray(self._scale)[:, None, None]
         return PiecewisePolynomial(self.breaks, slopes, self.shape).derivative(order - 1)

@@ -59,7 +59,7 @@ def takes_state(signal: object) -> TypeGuard[StateLaw]:
         return False
     try:
         parameters = inspect.signature(signal).parameters.values()
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return False  # a function of C that does not say how it is called
     needed = [p for p in parameters if p.default is p.empty and p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
     return len(needed) == 2

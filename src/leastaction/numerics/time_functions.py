@@ -79,7 +79,7 @@ class TimeFunction:
         for t in np.linspace(t0, tf, 7):
             try:
                 value = self.at(float(t))
-            except (TypeError, ValueError) as error:
+            except (TypeError, ValueError, OverflowError) as error:
                 raise ArgumentError(
                     f"{self.name}: at t = {t:g} s it is not an array of numbers ({error}); expected "
                     f"one of shape {what}."

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 from leastaction.numerics.arrays import as_choice, as_count, as_number
 from leastaction.numerics.ode import SOLVERS
+from leastaction.numerics.public import public
 
 
+@public
 @dataclass(frozen=True)
 class Accuracy:
     """How differential equations are integrated.

@@ -11,6 +11,7 @@ import numpy as np
 from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import Frozen
+from leastaction.numerics.public import public
 
 _NAMED = 3  # limits in a sentence at the most, the worst ones
 _LITTLE = 1e-3  # of the dearest violation, below which another is not worth a word
@@ -36,6 +37,7 @@ class Barrier(Frozen):
     part: float = 0.0
 
 
+@public
 @dataclass(frozen=True)
 class LimitState(Frozen):
     """One side of a limit along the trajectory. Frozen.
@@ -78,6 +80,7 @@ class LimitState(Frozen):
         return bool((np.abs(self.dual[:, column]) > 0.5 * self.price[column]).any())
 
 
+@public
 @dataclass(frozen=True)
 class LimitReport:
     """The limits of an optimisation where it ended. Frozen, so any number of threads may share it.

@@ -14,6 +14,7 @@ from typing import Any, overload
 
 from numpy.typing import ArrayLike
 
+from leastaction.numerics.public import public
 from leastaction.numerics.time_functions import TimeFunctionLike
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.system import ContinuousSystem
@@ -61,6 +62,7 @@ def optimize(
 ) -> ContinuousOptimizationResult: ...
 
 
+@public
 def optimize(
     system: DiscreteSystem | ContinuousSystem,
     cost: Cost | ContinuousCost,
@@ -163,6 +165,7 @@ def optimize(
     return optimizer.run_once(initial, resume=resume, callback=callback)
 
 
+@public
 def optimize_continuous(system: ContinuousSystem, cost: ContinuousCost, **options: Any) -> ContinuousOptimizationResult:
     """Return what `optimize` does, which takes systems in either kind of time: the older name."""
     check_system(system, (ContinuousSystem,), ())

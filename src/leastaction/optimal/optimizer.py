@@ -15,6 +15,7 @@ from threadpoolctl import ThreadpoolController
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import as_array, as_count, read_only, require_instance
 from leastaction.numerics.frozen import changed
+from leastaction.numerics.public import public
 from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.collocation.problem import CollocationProblem
 from leastaction.optimal.continuous.cost import ContinuousCost
@@ -38,6 +39,7 @@ from leastaction.optimal.ways import WAYS
 from leastaction.optimal.ways.resolved import resumed as resume_within
 
 
+@public
 class Optimizer:
     """A system, a cost, limits and options, ready to be optimised from one start after the other.
 

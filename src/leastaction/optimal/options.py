@@ -6,8 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, get_args
 
-from leastaction.errors import ArgumentError, closest
+from leastaction.errors import KeywordError
 from leastaction.numerics.arrays import as_choice, as_count, as_number
+from leastaction.numerics.public import public
 from leastaction.optimal.accuracy import Accuracy
 
 Method = Literal["auto", "steepest", "quasi-newton", "newton"]
@@ -18,6 +19,7 @@ WAY_NAMES = ("freely", "gaps", "easing", "prices", "obstacles", "resolved")
 """Names of the ways to begin again (see `leastaction.optimal.ways`)."""
 
 
+@public
 @dataclass(frozen=True, kw_only=True)
 class Options:
     """The settings of an optimisation. Frozen: any number of runs and threads may share them.
@@ -107,5 +109,5 @@ class Options:
         names = [each.name for each in fields(self)]
         for name in settings:
             if name not in names:
-                raise ArgumentError(f"{name}: is no option; {closest(name, names, what='options')}")
+                raise KeywordError(name, names)
         return replace(self, **settings)

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.arrays import Array, as_array, as_places, read_only
 from leastaction.numerics.differences import central_differences, complex_step
-from leastaction.numerics.names import matching
+from leastaction.numerics.names import matching, some_names
+from leastaction.numerics.public import public
 
 Instants = np.ndarray[tuple[int], np.dtype[np.intp]]
 """Whole numbers: indices of instants, or places in a vector."""
@@ -123,6 +124,7 @@ def names_of(quantities: Sequence[Quantity]) -> tuple[str, ...]:
     return tuple(name for each in quantities for name in each.names)
 
 
+@public
 class Entries(Quantity):
     """Entries of state or input, times factors.
 
@@ -148,10 +150,15 @@ class Entries(Quantity):
         kind: str = "",
         unit: str = "",
     ) -> None:
-        self.names, self.of_state, self.kind, self.unit = tuple(names), of_state, kind, unit
-        self.places: Instants = np.array(columns, dtype=np.intp)
+        self.names = some_names(names, "Entries: names", "names")
+        self.of_state, self.kind, self.unit = of_state, kind, unit
+        self.places: Instants = as_places(columns, "columns", f"(n,): a place of each of {len(self.names)} names")
         self.places.setflags(write=False)
-        self.factors = read_only(np.array(np.broadcast_to(np.asarray(factors, dtype=np.float64), self.places.shape)))
+        n = len(self.places)
+        if n != len(self.names):
+            raise ArgumentError(f"columns: got {n} places for {len(self.names)} names, expected one for each")
+        factor = as_array(factors, "factors", (), (1,), (n,))
+        self.factors = read_only(np.array(np.broadcast_to(factor, (n,))))
 
     def values(self, at: Samples) -> Array:
         """Return the entries times their factors."""
@@ -306,6 +313,7 @@ class Later(QuantityView):
         return k + self.start
 
 
+@public
 class FunctionQuantity(Quantity):
     """Functions of your own of the state, or of state and input.
 
@@ -345,7 +353,7 @@ class FunctionQuantity(Quantity):
         indexed: bool = False,
         unit: str = "",
     ) -> None:
-        self.names = (names,) if isinstance(names, str) else tuple(names)
+        self.names = some_names(names, "FunctionQuantity: names", "names")
         self.of_state, self.unit = of_state, unit
         self._values, self._jacobian, self._curvature = values, jacobian, curvature
         self._indexed = indexed

@@ -15,6 +15,7 @@ from leastaction.numerics.arrays import Array
 from leastaction.numerics.dataset import STEP, TIME, Dataset, Savable
 from leastaction.numerics.dataset.plain import plain
 from leastaction.numerics.frozen import Frozen
+from leastaction.numerics.public import public
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.memory import Memory
@@ -56,6 +57,7 @@ class Status(Enum):
     DERIVATIVES_FAILED = "The derivatives of the system could not be computed along the last iterate (see the message)."
 
 
+@public
 @dataclass(frozen=True)
 class IterationRecord:
     """One iteration, as the callback sees it.
@@ -131,6 +133,7 @@ class IterationRecord:
         return np.nan if self.worst_step is None else self.worst_step.t
 
 
+@public
 @dataclass(frozen=True)
 class OptimizationHistory:
     """What every iteration did; entry i belongs to the step from iterate i to iterate i + 1.
@@ -220,6 +223,7 @@ class HistoryBuilder:
         )
 
 
+@public
 @dataclass(frozen=True)
 class OptimizationResult(Frozen, Savable):
     """An optimised trajectory, the feedback that holds it, and how it was found.

@@ -27,11 +27,13 @@ import numpy.typing as npt
 from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, as_count
 from leastaction.numerics.dataset import Dataset
+from leastaction.numerics.public import public
 from leastaction.optimal.quantity import Entries, Quantity
 
 SecondOrder = Callable[[Array], Array]
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Linearization:
     """Derivatives of the dynamics along a trajectory: first ones, and contracted second ones for the asking.

@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import IO, Any
 
+from leastaction.errors import ArgumentError
+from leastaction.numerics.public import public
 from leastaction.optimal.result import IterationRecord
 
 _COLUMNS = (
@@ -38,6 +40,8 @@ class PrintedTable:
     def __init__(self, *, file: IO[str] | None = None, then: Callable[[Any], object] | None = None) -> None:
         from rich.console import Console  # here, so that to import the package is quick
 
+        if file is not None and not callable(getattr(file, "write", None)):
+            raise ArgumentError(f"file: got {type(file).__name__}, expected a text stream, such as sys.stderr")
         self._file = file
         self._then = then
         self._console = Console(file=file)
@@ -62,6 +66,7 @@ class PrintedTable:
         self._console.print(line, style=style, markup=False, highlight=False, soft_wrap=True)
 
 
+@public
 class IterationTable(PrintedTable):
     """Prints the iterations as they happen; give it to `optimize` as the callback, one for each run.
 

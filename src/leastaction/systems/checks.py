@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import FunctionReport, PythonFunction, check_function
+from leastaction.numerics.public import public
 from leastaction.optimal import (
     ContinuousCost,
     ContinuousSystem,
@@ -48,6 +49,7 @@ def check_derivatives(
 ) -> DerivativeReport: ...
 
 
+@public
 def check_derivatives(what: Any, at: Any, *arguments: Any, **options: Any) -> FunctionReport | DerivativeReport:
     """Compare the derivatives of what you wrote with those of its definition.
 

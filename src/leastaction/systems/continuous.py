@@ -19,6 +19,7 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.units import input_units, state_units
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.dataset import Dataset
+from leastaction.numerics.public import public
 from leastaction.optimal.continuous import ContinuousSystem
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization
@@ -36,6 +37,7 @@ class _InputsOver:
         return self.u(t)
 
 
+@public
 class MechanismSystem(ContinuousSystem):
     """``x' = f(x, u, t)`` of a mechanism.
 

@@ -14,13 +14,20 @@ from leastaction.errors import ArgumentError, LeastActionError, unknown
 from leastaction.mechanics.elements import Element, JointForce
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_number, require_instance
+from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import given_start
 from leastaction.optimal.optimization import optimize
 from leastaction.optimal.options import Method
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.starts import HelpedCost, StartResult, StartStatus, continuation
-from leastaction.optimal.starts.stages import StageCallback, StartStages, check_last_limits, check_options
+from leastaction.optimal.starts.stages import (
+    StageCallback,
+    StartStages,
+    check_last_limits,
+    check_options,
+    check_stages,
+)
 from leastaction.systems.midpoint import MidpointSystem
 
 _ENOUGH = Status.CONVERGED, Status.STALLED, Status.SADDLE
@@ -30,6 +37,7 @@ _PROGRESS = 0.7  # of the help's effort, that a stage may leave which does not c
 _DEAR = 10.0  # without the help the motion is lost where it costs so much more
 
 
+@public
 def embed(
     system: MidpointSystem,
     cost: Cost,
@@ -105,6 +113,7 @@ def embed(
     require_instance(system, "system", MidpointSystem)
     require_instance(cost, "cost", Cost)
     check_options(options, "the last stage, which starts from the one before")
+    check_stages(stage_iterations, stage_tolerance)
     check_last_limits(system, options)
     m, N = system.mechanism, system.N
     x, u = given_start(system, initial)

@@ -13,6 +13,7 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.moved_points import MovedPoints
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.frozen import own_arrays, restore_state, saved_state
+from leastaction.numerics.public import public
 from leastaction.optimal.collocation.limits import Points
 from leastaction.optimal.limits.limit import Horizon, Limit, When, Within
 from leastaction.optimal.limits.rows import Rows
@@ -150,6 +151,7 @@ def _places_alike(one: Mechanism, other: Mechanism) -> bool:
     return all(np.array_equal(a.pose, b.pose) for a, b in frames)
 
 
+@public
 @dataclass(frozen=True)
 class Keep(Limit):
     """Keep a point of a frame inside or outside of a region, at every instant or at some.

@@ -23,6 +23,7 @@ from leastaction.mechanics.mechanism.queries.units import input_units, multiplie
 from leastaction.numerics.arrays import Array, as_number, as_times, require_instance
 from leastaction.numerics.dataset import Dataset
 from leastaction.numerics.frozen import changed, restore_state, saved_state
+from leastaction.numerics.public import public
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, check_window
 from leastaction.optimal.quantity import Quantity
@@ -35,6 +36,7 @@ _RESOLVED = 0.7  # angle (rad) by which a variable may turn within a step that f
 _OFF = 1e-6  # about the distance from the constraints at which a motion may begin, as far as rounded numbers go
 
 
+@public
 class MidpointSystem(DiscreteSystem):
     """``x+ = f(x, u, k)`` of a midpoint integrator over given times.
 

@@ -8,9 +8,11 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.discrete.midpoint import MidpointVI
+from leastaction.numerics.public import public
 from leastaction.systems.midpoint import MidpointSystem
 
 
+@public
 class PulledSystem(MidpointSystem):
     """A `MidpointSystem` in which the forces of some inputs act at the instants, as those of constraints do.
 

@@ -13,13 +13,20 @@ from leastaction.errors import ArgumentError, brief, unknown
 from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_number, require_instance
+from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost, QuadraticCost
 from leastaction.optimal.discrete.system import given_start
 from leastaction.optimal.limits.limit import Bound
 from leastaction.optimal.optimization import optimize
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.starts import StartResult, StartStatus, continuation
-from leastaction.optimal.starts.stages import StageCallback, StartStages, check_last_limits, check_options
+from leastaction.optimal.starts.stages import (
+    StageCallback,
+    StartStages,
+    check_last_limits,
+    check_options,
+    check_stages,
+)
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.pulled import PulledSystem
 from leastaction.systems.warm_starts import warm_start
@@ -33,6 +40,7 @@ def _leads_on(result: OptimizationResult) -> bool:
     return result.status in _ENOUGH and not (coarse and result.status is Status.ITERATION_LIMIT)
 
 
+@public
 def relax(
     system: MidpointSystem,
     cost: Cost,
@@ -97,6 +105,7 @@ def relax(
     m = system.mechanism
     names = _chosen(m, constraints)
     least, most = _range(stiffness)
+    check_stages(stage_iterations, stage_tolerance)
     limit = as_number(tolerance, "tolerance", above=0.0)
     softer: dict[float, MidpointSystem] = {}
 
@@ -128,6 +137,7 @@ def relax(
     return _put_back("with its constraints", found, soft, system, cost, callback, options)
 
 
+@public
 def by_tensions(
     system: MidpointSystem,
     cost: QuadraticCost,
@@ -182,6 +192,7 @@ def by_tensions(
     Dissertation 6.6.2: strings that are replaced by forces, solved, and turned back into strings.
     """
     _check(system, cost, options)
+    check_stages(stage_iterations, stage_tolerance)
     if type(cost) is not QuadraticCost:
         raise ArgumentError(f"cost: got {type(cost).__name__}, expected a QuadraticCost: lengths are left out of it")
     whole = system.mechanism

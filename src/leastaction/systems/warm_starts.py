@@ -15,6 +15,7 @@ from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, require_instance
+from leastaction.numerics.public import public
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.starts import StartResult
 from leastaction.optimal.starts.coarse_to_fine import columns
@@ -26,6 +27,7 @@ _ROUNDS = 3  # of reaching for where it is wanted, and back onto the constraints
 _ATTEMPTS = 10  # for the first, where zero may be no guess at all, such as of the length of a string
 
 
+@public
 def warm_start(
     found: OptimizationResult | StartResult | tuple[ArrayLike, ArrayLike],
     from_system: MidpointSystem,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from leastaction.numerics.arrays import require_instance
+from leastaction.numerics.public import public
 from leastaction.optimal.result import OptimizationResult
 from leastaction.viz.figures import BLUE, GREEN, GREY, ORANGE, PURPLE, new_figure, styled
 
@@ -23,6 +24,7 @@ def _mark(method: str) -> tuple[str, str]:
     return next((mark for key, mark in _MARKS.items() if method.lower().startswith(key)), (PURPLE, "D"))
 
 
+@public
 @styled
 def plot_convergence(result: OptimizationResult, *, title: str = "Convergence") -> Figure:
     """Draw how an optimisation went.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from leastaction.errors import ArgumentError
+from leastaction.numerics.public import public
 from leastaction.optimal.checks.descent import cost_along
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.system import ContinuousSystem
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@public
 @styled
 def plot_descent(
     system: DiscreteSystem | ContinuousSystem,

@@ -13,6 +13,7 @@ from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.mechanics.mechanism.queries.masses import Energy
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 from leastaction.viz.figures import GREY, VERMILION, at_least, styled
 from leastaction.viz.panels import LINES, PanelRow, legend_above, limit_time, stack
 from leastaction.viz.signals import Source, motion_of
@@ -44,6 +45,7 @@ class WorkAndEnergy:
         return float(np.max(self.energy.kinetic) + np.ptp(self.energy.total))
 
 
+@public
 @styled
 def plot_energy(run: Source, *, title: str = "") -> Figure:
     """Draw kinetic, potential and total energy, the work that was done, and what is left of their balance.

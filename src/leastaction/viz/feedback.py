@@ -8,6 +8,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, require_instance
+from leastaction.numerics.public import public
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult
 from leastaction.optimal.discrete.system import DiscreteSystem
@@ -24,6 +25,7 @@ _LINES: Final = 6  # gains of an input that are drawn as lines; more are a pictu
 _INPUTS: Final = 3
 
 
+@public
 @styled
 def plot_feedback(
     result: OptimizationResult,

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.files import write_bytes
+from leastaction.numerics.public import public
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -164,6 +165,7 @@ def at_least(axes: Axes, span: float) -> None:
         axes.set_ylim(middle - 0.5 * span, middle + 0.5 * span)
 
 
+@public
 def save_png(figure: Figure | Sequence[Figure], path: str | os.PathLike[str], *, dpi: float = 150.0) -> Path:
     """Write a figure, or several under each other, as a PNG file, whole or not at all.
 

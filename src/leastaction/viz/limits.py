@@ -8,6 +8,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import require_instance
+from leastaction.numerics.public import public
 from leastaction.optimal.result import OptimizationResult
 from leastaction.viz.figures import BLUE, INK, ORANGE, VERMILION, Margins, at_least, heading, panel_grid, styled
 from leastaction.viz.strings import spans
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 _SPAN_DUAL: Final = 0.01  # so that the noise of limits that are never active does not fill their panels
 
 
+@public
 @styled
 def plot_limits(result: OptimizationResult, *, title: str = "Limits") -> Figure:
     """Draw room and dual of each side of each limit over time.

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
 from leastaction.numerics.arrays import as_array
+from leastaction.numerics.public import public
 from leastaction.viz.figures import heading, new_figure, styled
 from leastaction.viz.panels import WIDTH
 from leastaction.viz.signals import Source, check_source
@@ -27,6 +28,7 @@ _ASPECT: Final = 1.5  # width by height
 _TITLE, _GAP = 0.42, 0.06  # inches
 
 
+@public
 @styled
 def plot_poses(
     run: Source,

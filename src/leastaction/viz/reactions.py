@@ -10,6 +10,7 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory
 from leastaction.mechanics.discrete.trajectory import Trajectory
+from leastaction.numerics.public import public
 from leastaction.viz.figures import GREY, styled
 from leastaction.viz.panels import by_unit, draw_signals, limit_time, signal_panels
 from leastaction.viz.signals import Signal, Source, chosen, motion_of
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 _FORCE: Final = {"N s": "N", "N m s": "N m", "N s/m": "N/m"}
 
 
+@public
 @styled
 def plot_reactions(run: Source, names: str | Sequence[str] = "*", *, title: str = "") -> Figure:
     """Draw the forces by which constraints hold, by name: of strings their tension, positive where they pull.

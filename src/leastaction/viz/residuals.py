@@ -12,6 +12,7 @@ from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 from leastaction.viz.figures import GREY, PALE, styled
 from leastaction.viz.panels import LINES, PanelRow, legend_above, limit_time, stack
 from leastaction.viz.signals import Source, motion_of, pretty
@@ -24,6 +25,7 @@ _NAMED: Final = 3  # lines in colour, the worst ones
 _FLOOR: Final = 1e-17  # below which a residual is drawn as that
 
 
+@public
 @styled
 def plot_residuals(run: Source, *, title: str = "") -> Figure:
     """Draw how far a run is from its constraints and from its equations of motion.

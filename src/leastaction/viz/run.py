@@ -13,6 +13,7 @@ import numpy.typing as npt
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.public import public
 from leastaction.optimal.limits.limit import Limit, checked_limits
 from leastaction.optimal.result import OptimizationResult
 from leastaction.systems.rigs.rig import Played
@@ -39,6 +40,7 @@ _WANTED: Final[dict[str, Any]] = {"color": ORANGE, "linewidth": 3.2, "alpha": 0.
 Reference = Drawn | tuple[npt.ArrayLike, npt.ArrayLike] | npt.ArrayLike | None
 
 
+@public
 @styled
 def plot_run(
     run: Drawn | Mapping[str, Drawn],

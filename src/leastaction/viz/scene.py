@@ -14,10 +14,12 @@ from leastaction.mechanics import Mechanism
 from leastaction.mechanics.description.shapes import Shape
 from leastaction.mechanics.elements.looks import LookKind
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 
 _SLENDERNESS = 0.04  # radius of a bone that none was given for, by the mean length of the bones
 
 
+@public
 @dataclass(frozen=True, kw_only=True)
 class Bone:
     """A rounded bar between two points, or a ball where both are the same.
@@ -38,6 +40,7 @@ class Bone:
     color: tuple[float, float, float, float] | None = None
 
 
+@public
 @dataclass(frozen=True, kw_only=True)
 class Cord:
     """A thin line between two points, coloured by its tension where that is known.
@@ -66,6 +69,7 @@ class Cord:
         return (self.start, *self.via, self.end)
 
 
+@public
 @dataclass(frozen=True, kw_only=True)
 class Arrow:
     """A force or a torque, drawn as an arrow where it acts.
@@ -86,6 +90,7 @@ class Arrow:
     vector: Array
 
 
+@public
 @dataclass(frozen=True, kw_only=True)
 class JointMark:
     """Where a joint is: drawn on demand, the rail of a slide always.
@@ -112,6 +117,7 @@ class JointMark:
     reach: tuple[float, float] = (0.0, 0.0)
 
 
+@public
 @dataclass(frozen=True, kw_only=True)
 class ActiveLimit:
     """When a limit holds the motion back: its words, and the spans of time (s)."""
@@ -120,6 +126,7 @@ class ActiveLimit:
     spans: tuple[tuple[float, float], ...]
 
 
+@public
 @dataclass(frozen=True, kw_only=True)
 class Scene:
     """A mechanism in motion, ready to be drawn; z points up.
@@ -255,6 +262,7 @@ class Scene:
         return np.interp(times, own, values)
 
 
+@public
 def mechanism_scene(
     mechanism: Mechanism,
     t: ArrayLike,

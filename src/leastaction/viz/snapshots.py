@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 from leastaction.viz.figures import GREY, INK, PALE, PURPLE, Margins, heading, panel_grid, styled
 from leastaction.viz.scene import Scene
 
@@ -27,6 +28,7 @@ _HIGH: Final = (0.90, 0.62, 0.0)
 _DASHES: Final = (0, (3, 2))
 
 
+@public
 @styled
 def plot_snapshots(
     scene: Scene,

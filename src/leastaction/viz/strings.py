@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 from leastaction.viz.figures import BLUE, GREEN, INK, VERMILION, Margins, at_least, heading, panel_grid, styled
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 _SPAN_METRES: Final = 0.1
 
 
+@public
 @styled
 def plot_strings(
     t: ArrayLike, lengths: ArrayLike, tensions: ArrayLike, names: Sequence[str], *, title: str = "Strings"

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 from leastaction.viz.figures import BLUE, ORANGE, Margins, at_least, heading, panel_grid, styled
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ _SPAN_METRES: Final = 0.1
 _MARGINS: Final = Margins(left=1.2, across=0.85, down=0.38)
 
 
+@public
 @dataclass(frozen=True, kw_only=True)
 class TrackingErrors:
     """How far each variable is from its reference.
@@ -67,6 +69,7 @@ def _checked(
     return one * scale, other * scale, angle
 
 
+@public
 def tracking_errors(
     reference: npt.ArrayLike, achieved: npt.ArrayLike, names: Sequence[str], *, lengths: Sequence[str] = ()
 ) -> TrackingErrors:
@@ -105,6 +108,7 @@ def tracking_errors(
     )
 
 
+@public
 @styled
 def plot_tracking(
     t: npt.ArrayLike,

@@ -23,9 +23,11 @@ from leastaction.io.mechanisms.urdf import read_urdf
 from leastaction.mechanics import Armature, Body, Gravity, JointForce, Mechanism
 from leastaction.mechanics.elements import Element
 from leastaction.numerics.arrays import as_choice, as_flag
+from leastaction.numerics.public import public
 from leastaction.optimal import Bound
 
 
+@public
 def load(
     path: str | PathLike[str],
     *,

@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 
 from leastaction.mechanics import Mechanism
 from leastaction.mechanics.description.shapes import Shape
+from leastaction.numerics.public import public
 from leastaction.optimal import Bound
 
 
+@public
 @dataclass(frozen=True)
 class LeftOut:
     """Something that a file says and the mechanism does not have.
@@ -29,6 +31,7 @@ class LeftOut:
         return f"{self.name}: {self.why}"
 
 
+@public
 @dataclass(frozen=True)
 class Keyframe:
     """A configuration that a file names.
@@ -46,6 +49,7 @@ class Keyframe:
     inputs: Mapping[str, float] = field(default_factory=dict)
 
 
+@public
 @dataclass(frozen=True, kw_only=True)
 class Model:
     """A mechanism and what its file says beside it; made by `leastaction.load`.

@@ -22,11 +22,13 @@ from leastaction.io.motion.capture import Capture, Joint
 from leastaction.io.motion.gaps import fill_gaps
 from leastaction.io.motion.text import LONGEST, SHORTEST, MotionText, is_missing, number_of, read_text, shown
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 
 CHANNEL_NAMES = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
 _CHANNEL_BY_LOWER = {name.lower(): name for name in CHANNEL_NAMES}
 
 
+@public
 def read_bvh(path: str | PathLike[str], *, fill: bool = True) -> Capture:
     """Read a BVH file.
 

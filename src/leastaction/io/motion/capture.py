@@ -8,10 +8,12 @@ import numpy as np
 
 from leastaction.io.motion.motion import Motion
 from leastaction.numerics.arrays import Array, as_number
+from leastaction.numerics.public import public
 
 _MOST_NAMES = 4
 
 
+@public
 @dataclass(frozen=True)
 class Joint:
     """One joint of a captured skeleton, or an end site.
@@ -37,6 +39,7 @@ class Joint:
     line: int
 
 
+@public
 @dataclass(frozen=True)
 class Gap:
     """Samples that a capture lacked, and that were filled from those before and after.
@@ -62,6 +65,7 @@ class Gap:
         return self.last - self.first + 1
 
 
+@public
 @dataclass(frozen=True)
 class Capture:
     """A captured motion as it stands in the file.
@@ -164,6 +168,7 @@ class Capture:
         return False
 
 
+@public
 def forward_kinematics(capture: Capture) -> tuple[Array, Array]:
     """Positions and orientations of all joints in all frames, in the capture's world.
 

@@ -15,6 +15,7 @@ from leastaction.errors import ArgumentError, MotionFileError, closest
 from leastaction.io.motion.motion import count_steps
 from leastaction.numerics.arrays import Array, as_choice, as_number, require_mapping
 from leastaction.numerics.extras import extra
+from leastaction.numerics.public import public
 
 _BLOCK: Final = 512
 _MARK: Final = 0x50
@@ -23,6 +24,7 @@ _BIG_ENDIAN: Final = 86
 _METRES: Final[Mapping[str, float]] = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Markers:
     """Places of named markers over time; `follow` takes them where their names are those of frames.
@@ -107,6 +109,7 @@ class Markers:
         return self.names.index(name)
 
 
+@public
 def read_markers(path: str | os.PathLike[str], *, unit: str | None = None) -> Markers:
     """Read the markers of a C3D file.
 

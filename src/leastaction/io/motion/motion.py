@@ -13,6 +13,7 @@ from scipy.signal import butter, sosfiltfilt
 from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, as_number
 from leastaction.numerics.dataset import Column, Dataset, Savable, table
+from leastaction.numerics.public import public
 
 _LENGTH_SUFFIXES = ("_tx", "_ty", "_tz")
 _MOST_STEPS = 1_000_000
@@ -30,6 +31,7 @@ def count_steps(duration: float, dt: float) -> int:
     return round(steps)
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Motion(Savable):
     """Values of named variables over time.

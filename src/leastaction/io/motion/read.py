@@ -11,8 +11,10 @@ from leastaction.io.motion.bvh import read_bvh
 from leastaction.io.motion.capture import Capture
 from leastaction.io.motion.motion import Motion
 from leastaction.io.motion.table import read_table_motion
+from leastaction.numerics.public import public
 
 
+@public
 def read_motion(path: str | PathLike[str]) -> Motion:
     """Read a motion of named variables over time from a table of text (CSV).
 
@@ -41,6 +43,7 @@ def read_motion(path: str | PathLike[str]) -> Motion:
     return read_table_motion(path)
 
 
+@public
 def read_capture(
     path: str | PathLike[str],
     *,

@@ -22,6 +22,7 @@ from leastaction.numerics.arrays import require_instance
 from leastaction.numerics.dataset import Dataset, Table
 from leastaction.numerics.dataset.files import read
 from leastaction.numerics.dataset.text import check_fit
+from leastaction.numerics.public import public
 from leastaction.optimal import OptimizationResult
 from leastaction.optimal.continuous.content import ContinuousContent
 from leastaction.systems import Played
@@ -29,6 +30,7 @@ from leastaction.systems import Played
 Opened: TypeAlias = Trajectory | ContinuousTrajectory | OptimizationResult | Played | Motion | Table
 
 
+@public
 def open(  # noqa: A001 - `leastaction.open` is what it is called by
     path: str | os.PathLike[str], *, mechanism: Mechanism | None = None
 ) -> Opened:
@@ -96,7 +98,7 @@ def _result(source: Path, dataset: Dataset, given: Mechanism | None) -> Optimiza
         check_continuous(content, str(source))
         try:
             result = result_of(content)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise damaged(source, error) from error
     else:
         result = record_of(source, dataset, OptimizationResult).content

@@ -22,6 +22,7 @@ from leastaction.numerics.dataset import Dataset, Provenance
 from leastaction.numerics.dataset.archive import read_archive, write_archive
 from leastaction.numerics.dataset.plain import plain, restored
 from leastaction.numerics.dataset.text import FORMAT_VERSION, parsed, text_of
+from leastaction.numerics.public import public
 
 __all__ = ["FORMAT_VERSION", "Provenance", "Record", "load_record", "record_of", "save_record"]
 
@@ -36,6 +37,7 @@ class Record(Generic[T]):
     provenance: Provenance
 
 
+@public
 def save_record(
     path: str | os.PathLike[str],
     content: object,
@@ -78,6 +80,7 @@ def save_record(
     return write_archive(path, text_of(dataset), every)
 
 
+@public
 def load_record(path: str | os.PathLike[str], *kinds: type[T]) -> Record[T]:
     """Read a dataclass from a file that `save_record` wrote.
 

@@ -8,9 +8,11 @@ from pathlib import Path
 from leastaction.errors import ResultFileError
 from leastaction.io.results.opening import open as open_file
 from leastaction.numerics.arrays import require_instance
+from leastaction.numerics.public import public
 from leastaction.optimal import OptimizationResult
 
 
+@public
 def save_result(path: str | os.PathLike[str], result: OptimizationResult) -> Path:
     """Write the result of an optimisation into a file: `OptimizationResult.save`, which has the particulars.
 
@@ -22,6 +24,7 @@ def save_result(path: str | os.PathLike[str], result: OptimizationResult) -> Pat
     return result.save(path)
 
 
+@public
 def load_result(path: str | os.PathLike[str]) -> OptimizationResult:
     """Read the result of an optimisation: `leastaction.open`, where nothing else will do.
 

@@ -14,10 +14,12 @@ from leastaction.mechanics.configuration.contradiction import contradictory, fin
 from leastaction.mechanics.configuration.null_space import Indices, free_variables, restoring, row_scales
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, require_instance
+from leastaction.numerics.public import public
 
 _VELOCITY_TOLERANCE = 1e-6  # of the rate of a constraint, relative to its terms (at least 1)
 
 
+@public
 @dataclass(frozen=True)
 class ConfigurationProjection:
     """A configuration on the constraints, and how far it is from the one that was asked for.
@@ -43,6 +45,7 @@ class ConfigurationProjection:
     residuals: dict[str, float]
 
 
+@public
 @dataclass(frozen=True)
 class VelocityProjection:
     """A velocity that keeps the constraints, and how far it is from the one that was asked for.
@@ -65,6 +68,7 @@ class VelocityProjection:
     residuals: dict[str, float]
 
 
+@public
 def check_consistent(mechanism: Mechanism, q: ArrayLike, *, tolerance: float = 1e-8) -> None:
     """Raise unless a configuration satisfies the constraints.
 
@@ -135,6 +139,7 @@ def check_velocity(mechanism: Mechanism, q: Array, v: Array, *, instead: str = "
         )
 
 
+@public
 def project_configuration(
     mechanism: Mechanism,
     q: ArrayLike,
@@ -213,6 +218,7 @@ def project_configuration(
     return ConfigurationProjection(q_near, correction, largest, iterations, residuals)
 
 
+@public
 def project_velocity(
     mechanism: Mechanism,
     q: ArrayLike,

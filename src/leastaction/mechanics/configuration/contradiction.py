@@ -13,11 +13,13 @@ from leastaction.mechanics.configuration.constraint_projection import Constraint
 from leastaction.mechanics.configuration.null_space import free_variables, row_scales
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_number, require_instance
+from leastaction.numerics.public import public
 
 # Part of the largest that counts as a part in a contradiction.
 _PART = 1e-3
 
 
+@public
 @dataclass(frozen=True)
 class Contradiction:
     """Constraints that cannot hold together near a configuration.
@@ -53,6 +55,7 @@ class Contradiction:
         return text
 
 
+@public
 def find_contradiction(
     mechanism: Mechanism,
     q: ArrayLike,

@@ -36,6 +36,7 @@ from leastaction.mechanics.mechanism.arguments import inputs_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_choice, as_count, as_number, require_instance
 from leastaction.numerics.frozen import Frozen
+from leastaction.numerics.public import public
 
 Kind = Literal["minimum", "any"]
 
@@ -55,6 +56,7 @@ class Stability(Enum):
     MARGINAL = "marginal: some motion meets no resistance, so the second order does not decide"
 
 
+@public
 @dataclass(frozen=True)
 class Equilibrium(Frozen):
     """A configuration in which the mechanism stays at rest.
@@ -102,6 +104,7 @@ class Equilibrium(Frozen):
         return result
 
 
+@public
 def equilibrium(
     mechanism: Mechanism,
     q_guess: ArrayLike,

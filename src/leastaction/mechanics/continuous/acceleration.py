@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 
 
+@public
 @dataclass(frozen=True)
 class Accelerations:
     """Accelerations and multipliers of one point, or of N points with a leading axis.
@@ -26,6 +28,7 @@ class Accelerations:
     rank_deficient: bool = False
 
 
+@public
 @dataclass(frozen=True)
 class AccelerationDerivatives:
     """First derivatives of accelerations and multipliers, at one point or at N with a leading axis.
@@ -91,6 +94,7 @@ class AccelerationDerivatives:
         return self._block(slice(self.sizes[0], None), 3)
 
 
+@public
 @dataclass(frozen=True)
 class AccelerationTensors:
     """Full second derivatives at one point; output index first, then ``[q; v; u; rho_a]`` twice.

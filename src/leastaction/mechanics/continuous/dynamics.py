@@ -22,8 +22,10 @@ from leastaction.mechanics.continuous.acceleration import AccelerationDerivative
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, require_instance, shape_of
 from leastaction.numerics.memory import MAX_BYTES, check_memory
+from leastaction.numerics.public import public
 
 
+@public
 class ContinuousDynamics:
     """Equations of motion of one mechanism in continuous time.
 

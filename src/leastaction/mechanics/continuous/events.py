@@ -11,10 +11,12 @@ import numpy as np
 from leastaction.errors import ArgumentError, unknown
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_number, require_mapping
+from leastaction.numerics.public import public
 
 _EPS = float(np.finfo(float).eps)
 
 
+@public
 @dataclass(frozen=True)
 class Event:
     """Where a function of time and state goes through zero.
@@ -45,6 +47,7 @@ class Event:
     value: float = 0.0
 
 
+@public
 @dataclass(frozen=True)
 class EventRecord:
     """The times at which an event took place, and the states there.
@@ -78,7 +81,7 @@ class Watched:
         given = self.function(t, x)
         try:
             return float(given)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise ArgumentError(f"events[{self.name!r}]: got {given!r} at t = {t:g} s, expected a number") from None
 
     def crossed(self, new: float) -> bool:

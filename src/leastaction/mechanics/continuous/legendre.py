@@ -9,8 +9,10 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics.continuous.stabilisation import ConstraintMetric
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_flag, require_instance, shape_of
+from leastaction.numerics.public import public
 
 
+@public
 def to_momentum(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> Array:
     """Return the momenta ``p = dL/dv`` of the dynamic variables.
 
@@ -31,6 +33,7 @@ def to_momentum(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> Array:
     return p[0] if single else p.reshape(len(qs), m.nd)
 
 
+@public
 def to_velocity(
     mechanism: Mechanism, q: ArrayLike, p: ArrayLike, v_rho: ArrayLike | None = None, *, keep_constraints: bool = False
 ) -> Array:
@@ -79,6 +82,7 @@ def to_velocity(
     return v[0] if single else v
 
 
+@public
 def legendre_jacobian(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> Array:
     """Return the derivative T of ``[q; rho; p; v_rho]`` by ``[q; rho; v; v_rho]``.
 

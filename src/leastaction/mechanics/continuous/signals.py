@@ -14,6 +14,7 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_times, shape_of
 from leastaction.numerics.frozen import own_arrays, restore_state, saved_state
 from leastaction.numerics.piecewise import PiecewisePolynomial
+from leastaction.numerics.public import public
 from leastaction.numerics.signals import StateLaw
 from leastaction.numerics.time_functions import TimeFunction
 
@@ -23,6 +24,7 @@ ContinuousSignal = ArrayLike | PiecewisePolynomial | StateLaw | None
 _AGREE = 1e-6  # by how much a start may be off a prescribed motion, relative to its size (at least 1)
 
 
+@public
 @dataclass(frozen=True)
 class PrescribedMotion:
     """A twice differentiable motion of the kinematic variables.
@@ -43,6 +45,10 @@ class PrescribedMotion:
     @classmethod
     def from_spline(cls, spline: Any) -> PrescribedMotion:
         """Return a motion along a spline of SciPy, or anything else with ``derivative(order)``."""
+        if not callable(spline) or not callable(getattr(spline, "derivative", None)):
+            raise ArgumentError(
+                f"spline: got {type(spline).__name__}, expected a spline, with a method derivative(order)"
+            )
         return cls(spline, spline.derivative(1), spline.derivative(2))
 
     @classmethod
@@ -60,7 +66,7 @@ class PrescribedMotion:
             are too few rows for more.
         """
         times = as_times(t)
-        if degree not in (3, 5):
+        if not isinstance(degree, int) or degree not in (3, 5):
             raise ArgumentError(f"degree: got {degree!r}, expected 3 or 5")
         rows = as_array(rho, "rho", (len(times), None))
         enough = degree == 5 and len(times) > 5
@@ -70,6 +76,7 @@ class PrescribedMotion:
         return cls.from_spline(spline)
 
 
+@public
 @dataclass(frozen=True)
 class Feedback:
     """The law ``u = ubar(t) - K(t) (x - xbar(t))`` with an exact derivative by the state.
@@ -110,6 +117,11 @@ class Feedback:
     def __call__(self, t: float, x: Array) -> Array:
         """Return the input (n,) at a time and a state."""
         ubar, gain, xbar = (_at(part, t) for part in (self.ubar, self.K, self.xbar))
+        if np.shape(xbar) != x.shape or np.shape(gain) != (*np.shape(ubar), *x.shape) or np.ndim(ubar) != 1:
+            raise ArgumentError(
+                f"Feedback: at t = {t:g} s K, xbar and ubar have the shapes {np.shape(gain)}, {np.shape(xbar)} and "
+                f"{np.shape(ubar)}, expected (n, nx), (nx,) and (n,) with a state of shape {x.shape}"
+            )
         value: Array = ubar - gain @ (x - xbar)
         return value
 
@@ -261,7 +273,7 @@ def _check_call(function: Callable[..., Any], what: str) -> None:
     """Raise unless a function can be called with a time and a state."""
     try:
         signature = inspect.signature(function)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return  # a function of C that does not say how it is called
     try:
         signature.bind(0.0, np.zeros(0))

@@ -32,12 +32,14 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, shape_of
 from leastaction.numerics.ode import SOLVERS, March, Passage
+from leastaction.numerics.public import public
 from leastaction.numerics.signals import StateLaw
 
 _SHOWN = 8  # variables of a state that a message lists
 _SHORTEST = 1e-9  # of the whole time: shorter steps never end
 
 
+@public
 def simulate(
     dynamics: ContinuousDynamics | Mechanism,
     q0: ArrayLike,

@@ -22,6 +22,7 @@ from leastaction.mechanics.configuration.assembly import check_consistent, check
 from leastaction.mechanics.configuration.null_space import LOOSE_RANK_TOLERANCE, RANK_TOLERANCE, row_scales
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_number
+from leastaction.numerics.public import public
 
 _ITERATIONS = 20
 _LOOSENING = 10.0  # beside the constraints, singular values below so many times |h| are noise
@@ -29,6 +30,7 @@ _SAFE = 1e-4  # ratio in a Cholesky factor down to which its squared condition d
 _SLOW, _FAR = 0.1, 1e-6  # fall of |h|, and way, for which the metric of the start no longer does
 
 
+@public
 @dataclass(frozen=True)
 class Projection:
     """Bring every accepted step back onto the constraints. Frozen: threads may share it.
@@ -43,6 +45,7 @@ class Projection:
     tolerance: float = 1e-10
 
 
+@public
 @dataclass(frozen=True)
 class Baumgarte:
     """Let deviations from the constraints die out, as those of a damped oscillator do. Frozen: threads may share it.
@@ -69,6 +72,7 @@ class Baumgarte:
         return 1.0 / self.time_constant**2
 
 
+@public
 @dataclass(frozen=True)
 class Drift:
     """How far a simulation was from one constraint at the steps of the integrator.

@@ -20,6 +20,7 @@ from leastaction.mechanics.mechanism.queries.units import multiplier_units, stat
 from leastaction.mechanics.mechanism.reactions import reactions
 from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array, shape_of
+from leastaction.numerics.public import public
 
 
 class IntegrationStatus(Enum):
@@ -39,6 +40,7 @@ class IntegrationStatus(Enum):
     INTERRUPTED = "interrupted: the trajectory ends where it was stopped; simulate on from there"
 
 
+@public
 @dataclass(frozen=True)
 class ContinuousState(BaseState):
     """State of a mechanism in continuous time.
@@ -59,6 +61,7 @@ class ContinuousState(BaseState):
         return np.concatenate([self.q, self.v])
 
 
+@public
 @dataclass(frozen=True)
 class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
     """A motion in continuous time, at ``N + 1`` instants and, by dense output, between them.

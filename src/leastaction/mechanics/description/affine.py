@@ -19,10 +19,12 @@ import numpy as np
 from leastaction.errors import DescriptionError
 from leastaction.numerics.arrays import as_number
 from leastaction.numerics.names import check_name
+from leastaction.numerics.public import public
 
 _NUMBERS = (int, float, np.integer, np.floating)
 
 
+@public
 @dataclass(frozen=True)
 class Affine:
     """A linear expression of variables and a constant; made by `var` and arithmetic on it.
@@ -131,6 +133,7 @@ CoordinateLike: TypeAlias = float | str | Affine | Mapping[str, float]
 """How far a joint moves: a number, a variable's name, or a linear expression of variables."""
 
 
+@public
 def var(name: str) -> Affine:
     """Return a variable as an expression that can be added, subtracted and scaled.
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import DescriptionError
 from leastaction.numerics.arrays import Array, as_array, as_flag, as_number, shape_of
+from leastaction.numerics.public import public
 
 # Relative slack of the inequalities that the inertia of a real body obeys.
 INERTIA_TOLERANCE = 1e-9
@@ -17,6 +18,7 @@ ROUNDING_RADIUS = 1e-8
 _GRAM = 1e-3
 
 
+@public
 class Body:
     """A rigid body fixed to a frame. Nothing in it changes: threads may share it.
 

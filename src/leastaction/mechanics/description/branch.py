@@ -11,6 +11,7 @@ from leastaction.mechanics.description.frames import Frame, rx, ry, rz, tx, ty, 
 from leastaction.mechanics.description.joints import prismatic, revolute, screw, twist
 from leastaction.mechanics.description.poses import pose
 from leastaction.numerics.names import check_name
+from leastaction.numerics.public import public
 
 P = ParamSpec("P")
 
@@ -27,6 +28,7 @@ def _chained(make: Callable[P, Frame | Composition]) -> Callable[Concatenate[Bra
     return chain
 
 
+@public
 class Branch:
     """A place in a tree under construction, to which further frames are chained.
 
@@ -98,6 +100,7 @@ class Branch:
     universal, ball, free = _chained(universal), _chained(ball), _chained(free)
 
 
+@public
 def world(name: str = "world") -> Branch:
     """Start a tree of frames at the fixed world frame.
 

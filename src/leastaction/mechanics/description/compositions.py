@@ -21,8 +21,10 @@ from leastaction.errors import DescriptionError
 from leastaction.mechanics.description.affine import CoordinateLike, as_affine
 from leastaction.mechanics.description.frames import TWISTS, Frame, FrameOptions, Group, kinematic_names, moving
 from leastaction.numerics.names import check_name
+from leastaction.numerics.public import public
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Composition:
     """Frames one behind the other that are described as one; made by `universal`, `ball` and `free`.
@@ -47,6 +49,7 @@ class Composition:
         return f"{self.group.kind}({', '.join(self.variables)}) {self.group.name!r}"
 
 
+@public
 def universal(
     variables: str | Sequence[CoordinateLike],
     *,
@@ -75,6 +78,7 @@ def universal(
     return _compose("universal", variables, "", axes, 2, kinematic, options)
 
 
+@public
 def ball(
     variables: str | Sequence[CoordinateLike],
     *,
@@ -100,6 +104,7 @@ def ball(
     return _compose("ball", variables, "", axes, 3, kinematic, options)
 
 
+@public
 def free(
     variables: str | Sequence[CoordinateLike],
     *,

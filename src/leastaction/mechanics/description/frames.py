@@ -36,6 +36,7 @@ from leastaction.mechanics.description.bodies import Body
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.names import check_name
+from leastaction.numerics.public import public
 
 _FULL_TURN = 2.0 * np.pi * (1.0 + 1e-9)
 
@@ -51,6 +52,7 @@ class Group:
     axes: str
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Frame:
     """One frame of a description: how it is placed in its parent, and what mass it carries.
@@ -242,31 +244,37 @@ TWISTS = _unit_twists()
 """The twist of every primitive transformation."""
 
 
+@public
 def tx(value: CoordinateLike, **options: Unpack[JointOptions]) -> Frame:
     """Translate along x by a constant (m), a variable or an expression; see `JointOptions`."""
     return moving("tx", TWISTS["tx"], value, **options)
 
 
+@public
 def ty(value: CoordinateLike, **options: Unpack[JointOptions]) -> Frame:
     """Translate along y by a constant (m), a variable or an expression; see `JointOptions`."""
     return moving("ty", TWISTS["ty"], value, **options)
 
 
+@public
 def tz(value: CoordinateLike, **options: Unpack[JointOptions]) -> Frame:
     """Translate along z by a constant (m), a variable or an expression; see `JointOptions`."""
     return moving("tz", TWISTS["tz"], value, **options)
 
 
+@public
 def rx(value: CoordinateLike, **options: Unpack[JointOptions]) -> Frame:
     """Rotate about x by a constant (rad), a variable or an expression; see `JointOptions`."""
     return moving("rx", TWISTS["rx"], value, **options)
 
 
+@public
 def ry(value: CoordinateLike, **options: Unpack[JointOptions]) -> Frame:
     """Rotate about y by a constant (rad), a variable or an expression; see `JointOptions`."""
     return moving("ry", TWISTS["ry"], value, **options)
 
 
+@public
 def rz(value: CoordinateLike, **options: Unpack[JointOptions]) -> Frame:
     """Rotate about z by a constant (rad), a variable or an expression; see `JointOptions`."""
     return moving("rz", TWISTS["rz"], value, **options)

@@ -16,6 +16,7 @@ from leastaction.errors import DescriptionError
 from leastaction.mechanics.description.affine import CoordinateLike
 from leastaction.mechanics.description.frames import Frame, JointOptions, moving
 from leastaction.numerics.arrays import Array, as_array, as_number
+from leastaction.numerics.public import public
 
 _AXES = {
     sign + letter: tuple(factor * float(i == k) for i in range(3))
@@ -26,6 +27,7 @@ _AXES = {
 _UNIT = 1e-15  # how far rounding takes the length of a vector from one
 
 
+@public
 def twist(
     value: CoordinateLike,
     *,
@@ -62,6 +64,7 @@ def twist(
     return moving("twist", _twist(v, w, "twist"), value, detail=detail, **options)
 
 
+@public
 def revolute(
     value: CoordinateLike, *, axis: ArrayLike | str, point: ArrayLike = (0.0, 0.0, 0.0), **options: Unpack[JointOptions]
 ) -> Frame:
@@ -88,6 +91,7 @@ def revolute(
     return moving("revolute", _twist(v, w, "revolute"), value, detail=_line(w, p), point=p, **options)
 
 
+@public
 def screw(
     value: CoordinateLike,
     *,
@@ -125,6 +129,7 @@ def screw_detail(axis: Array, point: Array, pitch: float) -> str:
     return f"{_line(axis, point)}, {pitch:.6g} m/rad"
 
 
+@public
 def prismatic(value: CoordinateLike, *, axis: ArrayLike | str, **options: Unpack[JointOptions]) -> Frame:
     """Translate along any axis.
 

@@ -12,6 +12,7 @@ from leastaction.mechanics.description.bodies import Body
 from leastaction.mechanics.description.frames import Frame, bodies_of
 from leastaction.numerics.arrays import Array, as_array, shape_of
 from leastaction.numerics.names import check_name
+from leastaction.numerics.public import public
 
 # A rotation matrix that was typed or stored with fewer digits than this is refused, not guessed at.
 ROTATION_TOLERANCE = 1e-8
@@ -19,6 +20,7 @@ ROTATION_TOLERANCE = 1e-8
 _ROUNDING = 1e-14
 
 
+@public
 def pose(
     matrix: ArrayLike | None = None,
     *,

@@ -16,6 +16,7 @@ from leastaction import _core
 from leastaction.errors import EnergyBalanceWarning
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import Frozen, made
+from leastaction.numerics.public import public
 
 # Part of the largest kinetic energy that may come or go, and of the work that was done.
 _LOST, _LOST_OF_WORK = 0.02, 0.002
@@ -23,6 +24,7 @@ _WINDOW = 11  # steps: a median of so many passes over what swings from step to 
 _ROUNDING = 1e-12  # of the sizes of all terms
 
 
+@public
 @dataclass(frozen=True)
 class DiscreteBalance(Frozen):
     """Energy at the middle of every step against the work that was done since that of the first.

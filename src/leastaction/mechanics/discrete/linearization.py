@@ -13,8 +13,10 @@ from leastaction import _core
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.public import public
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class StepDerivatives:
     """Derivatives of every step of a trajectory: first ones, and contracted second ones for the asking.
@@ -154,6 +156,7 @@ def _restored(integrator: Integrator, steps: int, multipliers: bool, arrays: lis
     return StepDerivatives(core, integrator)
 
 
+@public
 @dataclass(frozen=True)
 class StepTensors:
     """Full second derivatives of one step; output index first, then the two arguments. Threads may share it.

@@ -53,10 +53,12 @@ from leastaction.numerics.arrays import (
 )
 from leastaction.numerics.frozen import made
 from leastaction.numerics.names import as_names
+from leastaction.numerics.public import public
 
 Split = Literal["symmetric", "left"]
 
 
+@public
 @final
 class MidpointVI(Integrator):
     """Midpoint variational integrator of one mechanism.

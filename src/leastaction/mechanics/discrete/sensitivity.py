@@ -20,12 +20,14 @@ from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.differences import fourth_order
+from leastaction.numerics.public import public
 
 _ROUNDING = 1e-9  # of a constraint's derivative, relative to its terms
 _STEP = 1e-3  # of a parameter, relative to its size
 _SMALL = 10  # states up to which derivatives are accumulated for all steps at once
 
 
+@public
 @dataclass(frozen=True)
 class Sensitivity:
     """Derivatives of a whole trajectory by parameters, its inputs held. Threads may share it.

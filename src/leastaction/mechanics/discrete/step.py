@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 from leastaction.numerics.step_quality import StepQuality
 
 
+@public
 @dataclass(frozen=True)
 class Step:
     """One solved time step. Nothing in it changes: threads may share it.

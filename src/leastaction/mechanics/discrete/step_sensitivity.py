@@ -27,8 +27,10 @@ from leastaction.mechanics.mechanism.parameters import (
     inertia_slope,
 )
 from leastaction.numerics.arrays import Array, as_array, require_instance
+from leastaction.numerics.public import public
 
 
+@public
 @dataclass(frozen=True)
 class StepSensitivity:
     """Derivatives of every step by parameters, its start and its inputs held. Threads may share it.
@@ -103,6 +105,7 @@ def by_time_step(vi: Integrator, t: Array, x: Array, u: Array, *, first_share: f
     return StepSensitivity(("dt",), out.x, out.lam)
 
 
+@public
 def momentum_by(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, names: Sequence[str]) -> Array:
     """Return the derivatives (nd, len(names)) of the momentum dL/dv by parameters, q and v held.
 

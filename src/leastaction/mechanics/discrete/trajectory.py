@@ -18,6 +18,7 @@ from leastaction.mechanics.mechanism.reactions import reactions
 from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array, require_instance
 from leastaction.numerics.frozen import made
+from leastaction.numerics.public import public
 from leastaction.numerics.step_quality import StepQuality
 
 _LOOKS = 7  # instants at which a run is asked for equations that are redundant
@@ -42,6 +43,7 @@ class SimulationStatus(Enum):
     INTERRUPTED = "interrupted: the trajectory ends where it was stopped; simulate on from its last state"
 
 
+@public
 @dataclass(frozen=True)
 class State(BaseState):
     """State of a mechanism in discrete time. Nothing in it changes: threads may share it.
@@ -93,6 +95,7 @@ def check_state(state: object) -> None:
     require_instance(state, "state", State, "start() makes one of a configuration")
 
 
+@public
 @dataclass(frozen=True)
 class Trajectory(BaseTrajectory[State]):
     """A motion that the mechanism can make, in discrete time: ``N`` steps between ``N + 1`` instants.

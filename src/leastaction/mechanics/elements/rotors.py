@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 from leastaction.mechanics.elements.base import Element
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.fields import SUM, positive
+from leastaction.numerics.public import public
 
 
+@public
 @dataclass(frozen=True)
 class Armature(Element):
     """The rotor of a drive, geared to a variable or to a sum of some: ``T = J/2 s'^2``.

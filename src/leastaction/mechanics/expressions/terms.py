@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import DescriptionError
 from leastaction.numerics.arrays import as_array, as_number
 from leastaction.numerics.names import check_name
+from leastaction.numerics.public import public
 
 if TYPE_CHECKING:
     import sympy
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 UNITS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
+@public
 def point(frame: str) -> sympy.Matrix:
     """Return the position of a frame's origin in the world (m), a column of three symbols.
 
@@ -52,6 +54,7 @@ def point(frame: str) -> sympy.Matrix:
     return module.sympy.ImmutableMatrix([module.MechanismSymbol("point", frame, axis) for axis in range(3)])
 
 
+@public
 def direction(frame: str, vector: str | ArrayLike) -> sympy.Matrix:
     """Return a unit vector that is fixed in a frame, in world axes: a column of three symbols.
 
@@ -77,6 +80,7 @@ def direction(frame: str, vector: str | ArrayLike) -> sympy.Matrix:
     return module.sympy.ImmutableMatrix([module.MechanismSymbol("direction", frame, unit, axis) for axis in range(3)])
 
 
+@public
 def unit_vector(frame: str, vector: str | ArrayLike) -> tuple[float, ...]:
     """Return a direction in a frame, as `direction` takes it, as three numbers of length one."""
     if isinstance(vector, str):
@@ -94,6 +98,7 @@ def unit_vector(frame: str, vector: str | ArrayLike) -> tuple[float, ...]:
     return tuple((unit + 0.0).tolist())
 
 
+@public
 def distance(frame1: str, frame2: str) -> sympy.Expr:
     """Return the distance between the origins of two frames (m), smooth as long as it is not zero.
 
@@ -113,16 +118,19 @@ def distance(frame1: str, frame2: str) -> sympy.Expr:
     return symbols().sympy.sqrt(sum(component**2 for component in between))
 
 
+@public
 def variable(name: str) -> MechanismSymbol:
     """Return the symbol of a configuration variable (m or rad), dynamic or kinematic."""
     return _quantity("variable", name)
 
 
+@public
 def input_(name: str) -> MechanismSymbol:
     """Return the symbol of an input; new with the force that uses it, or shared with others of that name."""
     return _quantity("input", name)
 
 
+@public
 def parameter(name: str, value: float) -> MechanismSymbol:
     """Return the symbol of a named number.
 
@@ -143,6 +151,7 @@ def parameter(name: str, value: float) -> MechanismSymbol:
     return _quantity("parameter", name, number)
 
 
+@public
 def coordinate(expression: Any) -> sympy.Expr:
     """Mark a part of a force's expression as one coordinate of the core; its value stays what it is.
 
@@ -152,6 +161,7 @@ def coordinate(expression: Any) -> sympy.Expr:
     return symbols().Coordinate(_scalar(expression, "coordinate"))
 
 
+@public
 def rate(expression: Any) -> sympy.Expr:
     """Return the rate in time of a scalar of the configuration (its unit per s), for forces.
 
@@ -163,6 +173,7 @@ def rate(expression: Any) -> sympy.Expr:
     return symbols().Rate(_scalar(expression, "rate"))
 
 
+@public
 def speed(name: str) -> sympy.Expr:
     """Return the velocity of a configuration variable (m/s or rad/s): ``rate(variable(name))``."""
     return rate(variable(name))

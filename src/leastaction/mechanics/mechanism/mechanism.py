@@ -36,8 +36,10 @@ from leastaction.mechanics.mechanism.parameters import (
 from leastaction.mechanics.mechanism.view import tree_view
 from leastaction.mechanics.mechanism.view_html import html_view
 from leastaction.numerics.arrays import Array, as_number, require_mapping
+from leastaction.numerics.public import public
 
 
+@public
 @final
 class Mechanism(Compiled):
     """A mechanism: a tree of frames with bodies, and the elements that act on it.

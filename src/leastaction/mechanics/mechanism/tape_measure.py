@@ -14,8 +14,10 @@ from leastaction.mechanics.mechanism.arguments import batch, batch_of_states, fr
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, require_instance
 from leastaction.numerics.names import as_names
+from leastaction.numerics.public import public
 
 
+@public
 @final
 class TapeMeasure:
     """The length s of the path through the origins of frames, as a function of the configuration.

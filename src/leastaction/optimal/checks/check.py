@@ -9,13 +9,18 @@ from dataclasses import dataclass
 from typing import Any
 
 from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import as_count, as_number, require_instance
+from leastaction.numerics.public import public
 from leastaction.optimal.checks.continuous import compare_continuous
 from leastaction.optimal.checks.discrete import compare_discrete
+from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.system import ContinuousSystem
+from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.system import check_system
 
 
+@public
 @dataclass(frozen=True)
 class DerivativeReport:
     """Largest differences, each relative to ``1 +`` the size of the derivative compared.
@@ -45,6 +50,7 @@ class DerivativeReport:
         return "\n".join(lines)
 
 
+@public
 def check_derivatives(
     system: DiscreteSystem | ContinuousSystem,
     x: Any,
@@ -79,13 +85,19 @@ def check_derivatives(
         Shapes that do not fit the system.
     """
     check_system(system, (DiscreteSystem, ContinuousSystem), ("nx", "nu"))
+    as_count(seed, "seed", 0)
+    as_number(tolerance, "tolerance", above=0.0)
     if isinstance(system, DiscreteSystem):
         check_system(system, (DiscreteSystem,), ("N",))
+        if cost is not None:
+            require_instance(cost, "cost", Cost)
         errors = compare_discrete(system, x, u, cost, seed)
     else:
         if u is not None:
             raise ArgumentError(
                 "u: got an array besides the curve, expected None: a DenseTrajectory holds states and inputs"
             )
+        if cost is not None:
+            require_instance(cost, "cost", ContinuousCost)
         errors = compare_continuous(system, x, cost, seed)
     return DerivativeReport(dict(errors), tolerance)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_choice, require_instance
 from leastaction.numerics.frozen import Frozen
+from leastaction.numerics.public import public
 from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.problem import ContinuousProblem
@@ -28,6 +29,7 @@ from leastaction.optimal.system import check_system
 _LENGTHS = np.linspace(0.0, 1.5, 31)
 
 
+@public
 @dataclass(frozen=True)
 class CostAlong(Frozen):
     """The cost of projected trajectories along a descent direction. Frozen, so any number of threads may share it.
@@ -63,6 +65,7 @@ class CostAlong(Frozen):
         return np.asarray(self.start + self.slope * (self.gamma - 0.5 * self.gamma**2))
 
 
+@public
 def cost_along(
     system: DiscreteSystem | ContinuousSystem,
     cost: Cost | ContinuousCost,

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.numerics.public import public
 from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
 from leastaction.optimal.cost import check_weight, matrix_of, owned, weigh
 from leastaction.optimal.system import difference
@@ -91,6 +92,7 @@ class ContinuousCost(ABC):
         """Complain if the cost is not for nx states and nu inputs over ``[t0, tf]``; optional."""
 
 
+@public
 class ContinuousQuadraticCost(ContinuousCost):
     """Half the weighted square of the distance from a wanted motion.
 

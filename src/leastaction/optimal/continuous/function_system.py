@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_count, read_only
 from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.numerics.public import public
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.functions import Curvature, Derivatives, Functions
 
@@ -25,6 +26,7 @@ def as_dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:
     return by_state, by_input
 
 
+@public
 class LinearContinuousSystem(ContinuousSystem):
     """The linear system ``x' = A x + B u + c``.
 
@@ -59,6 +61,7 @@ class LinearContinuousSystem(ContinuousSystem):
         return np.zeros((self.nx + self.nu, self.nx + self.nu))
 
 
+@public
 class FunctionContinuousSystem(ContinuousSystem):
     """A system given by functions of one time; as fit for several threads as they are.
 

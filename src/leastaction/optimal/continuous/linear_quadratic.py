@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_number
 from leastaction.numerics.piecewise import PiecewisePolynomial, approximate
+from leastaction.numerics.public import public
 from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
 from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.function_system import as_dynamics
@@ -34,6 +35,7 @@ from leastaction.optimal.cost import matrix_of
 _FIRST_PIECES = 12
 
 
+@public
 def solve_continuous_linear_quadratic(
     A: TimeFunctionLike,
     B: TimeFunctionLike,
@@ -124,6 +126,7 @@ def solve_continuous_linear_quadratic(
     )
 
 
+@public
 def regulate_continuous(
     A: TimeFunctionLike,
     B: TimeFunctionLike,
@@ -168,6 +171,7 @@ def regulate_continuous(
     return solution.K
 
 
+@public
 def steady_state_regulator(
     A: ArrayLike,
     B: ArrayLike,

@@ -14,6 +14,7 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.piecewise import PiecewisePolynomial, approximate
+from leastaction.numerics.public import public
 from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.integrate import integrate
@@ -21,6 +22,7 @@ from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 
 
+@public
 @dataclass(frozen=True)
 class ContinuousRollout:
     """A trajectory and its cost, or why there is none.
@@ -147,6 +149,7 @@ def roll_out(
     return ContinuousRollout(trajectory, total, done.steps, None, tf, x_end)
 
 
+@public
 class ContinuousProjection:
     """The projection operator of a system with given gains; as fit for several threads as the system is.
 

@@ -22,6 +22,7 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial, approximate
+from leastaction.numerics.public import public
 from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.integrate import integrate
 
@@ -54,6 +55,7 @@ class ModelSamples(NamedTuple):
         return cls(*parts)
 
 
+@public
 @dataclass(frozen=True)
 class ContinuousLinearQuadraticSolution:
     """Solution of a linear-quadratic problem, or the time at which there is none.

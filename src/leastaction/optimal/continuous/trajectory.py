@@ -12,6 +12,7 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.dataset import TIME, Dataset
 from leastaction.numerics.piecewise import PiecewisePolynomial, Through, approximate
+from leastaction.numerics.public import public
 from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
 from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.content import ContinuousContent
@@ -21,6 +22,7 @@ from leastaction.optimal.result import OptimizationResult, dataset_of
 _FIRST_PIECES = 16
 
 
+@public
 class DenseTrajectory:
     """States and inputs as functions of time; a curve, if they do not obey the dynamics.
 
@@ -153,6 +155,7 @@ class DenseTrajectory:
         return values[..., : self.nx], values[..., self.nx :]
 
 
+@public
 @dataclass(frozen=True)
 class ContinuousOptimizationResult(OptimizationResult):
     """An optimised trajectory in continuous time; everything that the discrete result has, and more.

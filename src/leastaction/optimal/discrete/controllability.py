@@ -15,6 +15,7 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number
 from leastaction.numerics.frozen import Frozen
+from leastaction.numerics.public import public
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.system import check_system
 
@@ -24,6 +25,7 @@ _NO_REACH = 1e-12
 _PART = 1e-3
 
 
+@public
 @dataclass(frozen=True)
 class ControllabilityWindow(Frozen):
     """What inputs can steer over the steps of a window. Frozen, arrays included: threads may share it.
@@ -69,6 +71,7 @@ class ControllabilityWindow(Frozen):
         return text if self.controllable else f"{text}; cannot be steered: {', '.join(self.unsteered)}"
 
 
+@public
 @dataclass(frozen=True)
 class Controllability:
     """What inputs can steer along a trajectory, window by window.
@@ -95,6 +98,7 @@ class Controllability:
         return "\n".join(map(str, self.windows))
 
 
+@public
 def controllability(
     system: DiscreteSystem,
     x: Array,

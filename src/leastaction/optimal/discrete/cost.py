@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.numerics.public import public
 from leastaction.optimal.cost import as_weight, clipped, final_of, matrix_of, owned, weigh
 from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
 from leastaction.optimal.discrete.system import check_window
@@ -124,6 +125,7 @@ def convex(hessian: CostHessian) -> CostHessian:
     return CostHessian(less[:, :nx, :nx], less[:, nx:, nx:], np.ascontiguousarray(less[:, :nx, nx:]), final)
 
 
+@public
 class QuadraticCost(Cost):
     """Half the weighted square of the distance from a wanted motion.
 
@@ -284,6 +286,7 @@ class AddedCost(Cost):
         return other
 
 
+@public
 class WindowCost(Cost):
     """The stages ``start .. stop-1`` of a cost, as a cost of its own; as fit for several threads as that is.
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_count
 from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.numerics.public import public
 from leastaction.optimal.cost import owned
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.functions import Curvature, Derivatives, Functions
@@ -19,6 +20,7 @@ from leastaction.optimal.system import Linearization
 StepFunction = Callable[[Any, Any, int], Any]
 
 
+@public
 class LinearSystem(DiscreteSystem):
     """The linear system ``x+ = A x + B u + c``, constant or time-varying.
 
@@ -84,6 +86,7 @@ class LinearSystem(DiscreteSystem):
         return np.zeros((self.N, n, n))
 
 
+@public
 class FunctionSystem(DiscreteSystem):
     """A system given by functions of one step; as fit for several threads as they are.
 

@@ -23,6 +23,7 @@ from leastaction import _core
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_choice, as_number, require_finite
 from leastaction.numerics.frozen import made
+from leastaction.numerics.public import public
 from leastaction.optimal.cost import final_of
 
 Regularize = Literal["none", "stage"]
@@ -50,6 +51,7 @@ class Workspace:
         return self.kept
 
 
+@public
 @dataclass(frozen=True)
 class LinearQuadraticSolution:
     """Solution of a linear-quadratic problem, or the stage at which there is none.
@@ -103,6 +105,7 @@ class LinearQuadraticSolution:
     message: str
 
 
+@public
 def solve_linear_quadratic(
     A: ArrayLike,
     B: ArrayLike,
@@ -293,6 +296,7 @@ def recursion(
     )
 
 
+@public
 def regulate(
     A: ArrayLike,
     B: ArrayLike,
@@ -353,6 +357,7 @@ class Feedforward(NamedTuple):
     C: Array
 
 
+@public
 def sweep_forward(
     A: Array,
     B: Array,
@@ -370,6 +375,9 @@ def sweep_forward(
     N, nx, nu = B.shape
     dx, du = np.empty((N + 1, nx)), np.empty((N, nu))
     dx[0] = 0.0 if dx0 is None else as_array(dx0, "dx0", (nx,))
+    if not hasattr(solution, "K") or not hasattr(solution, "C"):
+        raise ArgumentError(f"solution: got {type(solution).__name__}, expected what `solve_linear_quadratic` returns")
+    c = None if c is None else _shaped(c, "c", (N, nx))
     _core.sweep_forward(A, B, solution.K, solution.C, c, dx, du, _pattern(pattern, (nx, nx + nu)))
     return dx, du
 
@@ -395,6 +403,7 @@ def feedforward_of_drift(
     return C
 
 
+@public
 def adjoint(
     A: Array, B: Array, K: Array, q: Array, r: Array, q_final: Array, *, pattern: ArrayLike | None = None
 ) -> Array:
@@ -421,7 +430,7 @@ def _dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:
     try:
         A = np.ascontiguousarray(A, dtype=np.float64)
         B = np.ascontiguousarray(B, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ArgumentError(
             f"A, B: got {type(A).__name__} and {type(B).__name__}, expected arrays (N, nx, nx) and "
             "(N, nx, nu); `linearize(x, u)` of a system has them"
@@ -483,7 +492,10 @@ def _hessians(value: ArrayLike | None, shape: tuple[int, ...], pattern: npt.NDAr
 def _pattern(value: ArrayLike | None, shape: tuple[int, int]) -> npt.NDArray[np.bool_] | None:
     if value is None:
         return None
-    pattern = np.ascontiguousarray(value)
+    try:
+        pattern = np.ascontiguousarray(value)
+    except (TypeError, ValueError):
+        raise ArgumentError(f"pattern: got {type(value).__name__}, expected bool of shape {shape}.") from None
     if pattern.dtype != np.bool_ or pattern.shape != shape:
         raise ArgumentError(f"pattern: got {pattern.dtype} of shape {pattern.shape}, expected bool of shape {shape}.")
     return pattern

@@ -15,10 +15,12 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
 from leastaction.optimal.system import Linearization
 
 
+@public
 class ProjectionOperator:
     """The projection operator of a system with given gains; as fit for several threads as the system is.
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, as_array, read_only, shape_of
+from leastaction.numerics.public import public
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.quantity import Entries, Later, Quantity
@@ -28,6 +29,7 @@ FINAL_TIME = "final time"
 _NOTHING: Mapping[str, float] = MappingProxyType({})
 
 
+@public
 @dataclass(frozen=True)
 class Rollout:
     """A trajectory, or the part of it up to the step that failed. Threads may share it.
@@ -122,7 +124,7 @@ class DiscreteSystem(System):
             if found is None:  # which NumPy would take for no number
                 raise TypeError
             end[:] = found
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise ArgumentError(
                 f"{type(self).__name__}.f: got {_shown(found)} for step {k}, expected the next state, ({self.nx},)"
             ) from None
@@ -260,7 +262,7 @@ class DiscreteSystem(System):
             found: Any = self.derivatives(x[k], u[k], k)
             try:
                 A[k], B[k] = found
-            except (TypeError, ValueError):
+            except (TypeError, ValueError, OverflowError):
                 got = " and ".join(map(_shown, found)) if isinstance(found, tuple) else _shown(found)
                 raise ArgumentError(
                     f"{type(self).__name__}.derivatives: got {got} for step {k}, expected a pair (A, B) of shapes "
@@ -411,6 +413,7 @@ for _name in dir(DiscreteSystem):
         setattr(SystemAround, _name, _forwarded(_name))
 
 
+@public
 class WindowSystem(SystemAround):
     """The steps ``start .. stop-1`` of a system, as a system of their own; as fit for several threads as that is.
 

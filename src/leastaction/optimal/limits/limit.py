@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, brief, closest
 from leastaction.numerics.arrays import Array, as_number, require_instance
-from leastaction.numerics.names import matching
+from leastaction.numerics.names import as_names, matching
+from leastaction.numerics.public import public
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Quantity, WeightedSum
 
@@ -65,6 +66,7 @@ class Limit(ABC):
         """
 
 
+@public
 @dataclass(frozen=True)
 class Bound(Limit):
     """Least and largest values of quantities of the system, by name.
@@ -107,6 +109,7 @@ class Bound(Limit):
         return _bounded(system, quantity, self.min, self.max, self.at, first, what)
 
 
+@public
 @dataclass(frozen=True)
 class Within(Limit):
     """Least and largest values of a quantity of your own, such as a `FunctionQuantity`.
@@ -134,6 +137,7 @@ class Within(Limit):
         return [replace(row, is_own=True) for row in rows]
 
 
+@public
 @dataclass(frozen=True)
 class Equal(Limit):
     """Values that quantities of the system must have at some instants: conditions at the end, or on the way.
@@ -226,7 +230,7 @@ def _matching(system: Horizon, names: str | Sequence[str], of: str | None, what:
             if str(error).startswith(f"{of}: "):  # the system knows why it has none
                 expected += f"; {error}"
         raise ArgumentError(f"{what}: got of={of!r}, {expected}")
-    patterns = [names] if isinstance(names, str) else list(names)
+    patterns = [names] if isinstance(names, str) else list(as_names(names, what, "names"))
     if not patterns:
         raise ArgumentError(f"{what}: got no names")
     known: list[str] = []
@@ -341,7 +345,7 @@ def _values(
         value = [value(system.time(int(i))) for i in ((0, *k) if fixed else k)]
     try:
         array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ArgumentError(f"{what}: got {value!r}, expected numbers") from None
     if np.isnan(array).any():
         raise ArgumentError(f"{what}: got NaN, expected numbers")

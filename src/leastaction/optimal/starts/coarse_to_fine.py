@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_count, as_times
+from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.initial import pair_of
@@ -24,6 +25,7 @@ Build = Callable[[Array], tuple[Any, Any]]
 Transfer = Callable[[OptimizationResult, Any, Any], tuple[Array, Array]]
 
 
+@public
 def coarse_to_fine(
     build: Build,
     t: ArrayLike,
@@ -132,6 +134,7 @@ def coarse_to_fine(
     return stages.result(status, best.x, best.u, best.cost, reached, best, detail)
 
 
+@public
 def resample(x: ArrayLike, u: ArrayLike, t: ArrayLike, times: ArrayLike) -> tuple[Array, Array]:
     """Return states and inputs at other times.
 

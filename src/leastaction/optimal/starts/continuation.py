@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_choice, as_count, as_number
+from leastaction.numerics.public import public
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.starts.stages import StageCallback, StartResult, StartStages, StartStatus
 
@@ -18,6 +19,7 @@ Solve = Callable[[float, OptimizationResult | None], OptimizationResult]
 Scale = Literal["linear", "log"]
 
 
+@public
 def continuation(
     solve: Solve,
     values: ArrayLike,
@@ -123,9 +125,9 @@ def continuation(
             if accepted:
                 reached = target
         if best is None:
-            if stages.error is not None:
-                raise stages.error
-            raise KeyboardInterrupt
+            if stages.error is None:
+                raise KeyboardInterrupt
+            raise stages.error
         if stages.ended is not None:
             return end(stages.ended, best, at(max(reached, 0.0)))
         if accepted:

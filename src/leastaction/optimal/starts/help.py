@@ -6,12 +6,14 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.arrays import Array, as_array, as_places, read_only, require_instance
+from leastaction.numerics.public import public
 from leastaction.optimal.cost import is_diagonal
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian
 
 
+@public
 class HelpedCost(Cost):
     """A cost and the price of further inputs: ``h(x, u) + 1/2 sum_k v_k' diag(price) v_k``.
 
@@ -33,11 +35,12 @@ class HelpedCost(Cost):
     """
 
     def __init__(self, cost: Cost, columns: npt.NDArray[np.int64], price: Array) -> None:
-        if not np.all(price > 0.0):
-            raise ArgumentError(f"price: got {price.min():g}, expected positive prices of the help")
+        require_instance(cost, "cost", Cost)
         self.cost = cost
-        self.columns = np.asarray(columns, dtype=np.int64)
-        self.price = np.asarray(price, dtype=np.float64)
+        self.columns = as_places(columns, "columns", "(n,): inputs").astype(np.int64)
+        self.price = as_array(price, "price", (len(self.columns),), meaning="(n,): a price for each of the columns")
+        if not np.all(self.price > 0.0):
+            raise ArgumentError(f"price: got {self.price.min():g}, expected positive prices of the help")
         self.nonnegative = cost.nonnegative
 
     def check_shapes(self, N: int, nx: int, nu: int) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import as_array, as_count, require_instance
+from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem, given_start
 from leastaction.optimal.limits.limit import FromSecond, Limit
@@ -20,6 +21,7 @@ from leastaction.optimal.starts.stages import StageCallback, StartResult, StartS
 from leastaction.optimal.system import check_system
 
 
+@public
 def receding_horizon(
     system: DiscreteSystem,
     cost: Cost,

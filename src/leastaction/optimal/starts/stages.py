@@ -10,12 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from leastaction.errors import ArgumentError, LeastActionError
-from leastaction.numerics.arrays import Array
+from leastaction.errors import ArgumentError, LeastActionError, brief
+from leastaction.numerics.arrays import Array, as_count, as_number
 from leastaction.numerics.frozen import Frozen
+from leastaction.numerics.public import public
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limits.limit import checked_limits
 from leastaction.optimal.limits.rows import check_agreement
+from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.table import PrintedTable
 from leastaction.optimal.unknowns.periodic import Periodic
@@ -34,6 +36,7 @@ class StartStatus(Enum):
     INTERRUPTED = "Interrupted from the keyboard; this is what the last complete stage found. Go on from here."
 
 
+@public
 @dataclass(frozen=True)
 class StageRecord:
     """One stage, as the callback sees it. Nothing in it changes: threads may share it.
@@ -74,6 +77,7 @@ class StageRecord:
 StageCallback = Callable[[StageRecord], object]
 
 
+@public
 @dataclass(frozen=True)
 class StartResult(Frozen):
     """A trajectory to start from, and how it was found. Frozen: threads may share it.
@@ -133,6 +137,16 @@ def check_options(options: Mapping[str, object], of: str) -> None:
     for name in ("initial", "horizon"):
         if name in options:
             raise ArgumentError(f"{name}: cannot be an option for {of}")
+    Options().changed(**{name: value for name, value in options.items() if name not in _OF_THE_PROBLEM})
+
+
+_OF_THE_PROBLEM = ("limits", "free_start", "unknowns", "resume", "options", "callback")
+
+
+def check_stages(iterations: int, tolerance: float) -> None:
+    """Complain about the settings of stages that are no numbers of the right kind."""
+    as_count(iterations, "stage_iterations", 0)
+    as_number(tolerance, "stage_tolerance", least=0.0)
 
 
 def check_last_limits(system: DiscreteSystem, options: Mapping[str, Any]) -> None:
@@ -191,6 +205,10 @@ class StartStages:
         self.error = None
         try:
             result = solve()
+            if not isinstance(result, OptimizationResult):
+                raise ArgumentError(
+                    f"solve: returned {brief(repr(result))} for {name}, expected what `optimize` returns; is a return missing?"
+                )
         except LeastActionError as error:
             self.error = error
         except KeyboardInterrupt:
@@ -245,6 +263,7 @@ _COLUMNS = (
 )
 
 
+@public
 class StageTable(PrintedTable):
     """Prints the stages of a search as they happen; give it as the callback, one for each search.
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, as_number
+from leastaction.numerics.public import public
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows
@@ -16,6 +17,7 @@ from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
 from leastaction.optimal.unknowns.system import ExtendedSystem
 
 
+@public
 @dataclass(frozen=True)
 class Periodic(Limit):
     """Equations ``x_N = x_0 + offset`` of entries of the state, for a motion that may go on like this for ever.

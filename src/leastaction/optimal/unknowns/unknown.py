@@ -6,9 +6,11 @@ from dataclasses import dataclass, field
 
 from leastaction.errors import ArgumentError, unknown
 from leastaction.numerics.arrays import as_number
+from leastaction.numerics.public import public
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem
 
 
+@public
 @dataclass(frozen=True)
 class Unknown:
     """A number of the system that is found together with its motion. Frozen, so any number of threads may share it.
@@ -76,6 +78,7 @@ class Unknown:
         return known[self.name]
 
 
+@public
 @dataclass(frozen=True)
 class Parameter(Unknown):
     """A parameter of the system that is found together with its motion, such as a mass, a length or a stiffness.
@@ -101,6 +104,7 @@ class Parameter(Unknown):
     """
 
 
+@public
 @dataclass(frozen=True)
 class FinalTime(Unknown):
     """The final time of the motion (s): all time steps grow or shrink with it.

@@ -9,12 +9,14 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics.mechanism.queries.moved_points import MovedPoints
-from leastaction.numerics.arrays import Array, as_number, read_only
+from leastaction.numerics.arrays import Array, as_number, as_wanted, read_only, require_mapping
+from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.systems.costs.configurations import CostOfConfigurations
 from leastaction.systems.midpoint import MidpointSystem
 
 
+@public
 class PlaceCost(CostOfConfigurations):
     """Another cost and half the weighted squares of the distances of frames from wanted places.
 
@@ -41,6 +43,8 @@ class PlaceCost(CostOfConfigurations):
         self, cost: Cost, system: MidpointSystem, places: Mapping[str, ArrayLike], weights: Mapping[str, float]
     ) -> None:
         m, N = system.mechanism, system.N
+        require_mapping(places, "places", "{'hand': [0.0, 0.3, 1.0]}")
+        require_mapping(weights, "weights", "{'hand': 10.0}")
         for name in weights:
             if name not in places:
                 known = closest(name, list(places), what="names of places")
@@ -51,9 +55,7 @@ class PlaceCost(CostOfConfigurations):
         wanted, weighed = np.zeros((2, N + 1, len(places), 3))
         for i, (name, given) in enumerate(places.items()):
             m.frame_pose(np.zeros(m.nq), name)  # an unknown name is an error here, not at the first step
-            place = np.asarray(given, dtype=np.float64)
-            if place.shape not in ((3,), (N + 1, 3)):
-                raise ArgumentError(f"places: {name!r}: got shape {place.shape}, expected ({N + 1}, 3) or (3,)")
+            place = as_wanted(given, f"places: {name!r}", (N + 1, 3), (3,))
             weight = as_number(weights.get(name, 1.0), f"weights: {name!r}", least=0.0)
             wanted[:, i], weighed[:, i] = np.nan_to_num(place), weight * ~np.isnan(place)
         self._wanted, self._weights = read_only(wanted), read_only(weighed)

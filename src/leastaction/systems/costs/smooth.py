@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, as_number, read_only, require_mapping
 from leastaction.numerics.names import matching
+from leastaction.numerics.public import public
 from leastaction.optimal.cost import matrix_of
 from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian
@@ -91,6 +92,7 @@ class CostOfAccelerations(AddedCost):
         return np.asarray(((u[:, self.rho_next] - x[:, self.rho]) / dt - x[:, self.v_rho]) / dt)
 
 
+@public
 class SmoothCost(CostOfAccelerations):
     """Another cost and half the weighted squares of the accelerations of prescribed variables.
 

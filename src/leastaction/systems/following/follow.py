@@ -24,6 +24,7 @@ from leastaction.numerics.arrays import (
     require_mapping,
 )
 from leastaction.numerics.frozen import Frozen
+from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.optimization import optimize
@@ -51,6 +52,7 @@ class Wanted(Protocol):
         """Return the values (N+1,) of a variable."""
 
 
+@public
 @dataclass(frozen=True, kw_only=True)
 class Followed(Frozen):
     """A motion that follows a wanted one, the inputs that make it, and the gains that hold it.
@@ -112,6 +114,7 @@ class Followed(Frozen):
         return found
 
 
+@public
 def follow(
     mechanism: Mechanism,
     motion: Wanted | Mapping[str, ArrayLike],

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_number, read_only
 from leastaction.numerics.frozen import changed, own_arrays, restore_state, saved_state
+from leastaction.numerics.public import public
 from leastaction.optimal.quantity import Instants
 from leastaction.systems.regions.apart import ConvexSolid, Hole, Shape, Side
 
@@ -54,6 +55,7 @@ def _said(vector: ArrayLike) -> str:
     return f"({', '.join(f'{each:.4g}' for each in np.asarray(vector, dtype=np.float64))})"
 
 
+@public
 @dataclass(frozen=True)
 class Box(Region):
     """A box along the axes.
@@ -68,11 +70,9 @@ class Box(Region):
     high: ArrayLike
 
     def __post_init__(self) -> None:
-        low, high = (np.asarray(each, dtype=np.float64) for each in (self.low, self.high))
-        if low.shape != (3,) or high.shape != (3,) or not (low < high).all():
-            raise ArgumentError(
-                f"Box: got low {self.low!r} and high {self.high!r}, expected (3,), each low below its high"
-            )
+        low, high = (as_array(getattr(self, name), f"Box: {name}", (3,), finite=False) for name in ("low", "high"))
+        if not (low < high).all():
+            raise ArgumentError(f"Box: got low {self.low!r} and high {self.high!r}, expected each low below its high")
         own_arrays(self, "low", "high")
 
     @property
@@ -106,6 +106,7 @@ class Box(Region):
         """Return None: the faces are flat."""
 
 
+@public
 @dataclass(frozen=True)
 class HalfSpace(Region):
     """One side of a plane: ``normal . p >= offset``.
@@ -148,6 +149,7 @@ class HalfSpace(Region):
         """Return None: the plane is flat."""
 
 
+@public
 @dataclass(frozen=True)
 class Ball(Region):
     """A ball, which may move.
@@ -181,7 +183,7 @@ class Ball(Region):
     def values(self, p: Array, k: Instants) -> Array:
         """Return ``(radius^2 - d^2) / (2 radius)``, which is the distance near the surface and smooth at the centre."""
         d = p - self.center_at(k)
-        return np.asarray((self.radius**2 - np.sum(d**2, axis=1))[:, None] / (2.0 * self.radius))
+        return np.asarray((self.radius * self.radius - np.sum(d**2, axis=1))[:, None] / (2.0 * self.radius))
 
     def gradient(self, p: Array, k: Instants) -> Array:
         return np.asarray(-(p - self.center_at(k))[:, None, :] / self.radius)

@@ -15,6 +15,7 @@ from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, require_instance
+from leastaction.numerics.public import public
 from leastaction.optimal.result import OptimizationResult
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.rigs.commands import reeled_in, with_lengths
@@ -27,6 +28,7 @@ _HELD, _PLACES, _SPEEDS = 100.0, 0.1, 1.0  # weights of the regulator: joints, p
 _AT_ONCE = 1e-9  # of a step: what is late by a whole number of steps is not late by one more for rounding
 
 
+@public
 def play(
     system: MidpointSystem,
     plan: OptimizationResult | tuple[ArrayLike, ArrayLike],

@@ -20,11 +20,13 @@ from leastaction.numerics.dataset import STEP, TIME, Dataset, Savable
 from leastaction.numerics.dataset.plain import plain
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.names import matching
+from leastaction.numerics.public import public
 from leastaction.systems.quantities.discrete import quantity_of
 
 _MOST = 1e12  # rad, m, s or N/m: squares and quotients of larger numbers overflow, and no rig has them
 
 
+@public
 @dataclass(frozen=True, kw_only=True)
 class Rig(Frozen):
     """What a machine has that its model has not. Frozen; threads may share it.
@@ -114,6 +116,7 @@ class Rig(Frozen):
         return model.with_parameters({name: value for name, value in values.items() if value != numbers[name]})
 
 
+@public
 @dataclass(frozen=True, kw_only=True)
 class Played(Frozen, Savable):
     """What a rig did. Frozen; threads may share it.

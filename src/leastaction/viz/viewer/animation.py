@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from leastaction.numerics.files import write_text
+from leastaction.numerics.public import public
 from leastaction.viz.scene import Scene
 from leastaction.viz.viewer.page_data import page_data
 from leastaction.viz.viewer.stage import staged
@@ -18,6 +19,7 @@ from leastaction.viz.viewer.stage import staged
 _SCRIPTS: Final = ("motion", "vectors", "painter", "view", "scene", "panels", "sliders", "controls")
 
 
+@public
 def animation_page(scenes: Scene | Sequence[Scene], *, joints: bool = False, forces: bool = False) -> str:
     """Return an HTML page that shows a scene in any browser, straight from the disk.
 
@@ -60,6 +62,7 @@ def animation_page(scenes: Scene | Sequence[Scene], *, joints: bool = False, for
     return page.replace("{{title}}", html.escape(title)).replace("{{data}}", text)
 
 
+@public
 def write_animation(scenes: Scene | Sequence[Scene], path: str | os.PathLike[str]) -> Path:
     """Write `animation_page` to a file, whole or not at all.
 

@@ -14,6 +14,7 @@ from leastaction.mechanics import Mechanism
 from leastaction.mechanics.description.shapes import Shape
 from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.public import public
 from leastaction.optimal import LimitReport, LimitState
 from leastaction.viz.scene import ActiveLimit, Arrow, Scene
 from leastaction.viz.viewer.actions import Actions, cords_of
@@ -26,6 +27,7 @@ from leastaction.viz.viewer.view import View
 _SHARP = 1e-3  # of the size: how far a straight line between two samples may be off
 
 
+@public
 def show(
     what: Any,
     *,

@@ -13,12 +13,14 @@ from typing import Final
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.files import write_bytes, write_text
+from leastaction.numerics.public import public
 from leastaction.viz.scene import Scene
 from leastaction.viz.viewer.animation import animation_page
 
 _NOTEBOOK_HEIGHT: Final = 480
 
 
+@public
 @dataclass(frozen=True)
 class View:
     """What `show` returns: scenes side by side, which show themselves in a notebook, a browser or a file.

@@ -25,11 +25,13 @@ from leastaction.io.motion.capture import Capture, Joint
 from leastaction.io.motion.gaps import fill_gaps
 from leastaction.io.motion.text import LONGEST, SHORTEST, read_text
 from leastaction.numerics.arrays import Array, as_number
+from leastaction.numerics.public import public
 
 FRAME_RATE = 120.0
 """Frames a second of a motion that does not say how many: those of Carnegie Mellon's database."""
 
 
+@public
 def read_amc(
     path: str | PathLike[str],
     *,

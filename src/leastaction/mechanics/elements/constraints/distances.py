@@ -31,10 +31,12 @@ from leastaction.mechanics.elements.potentials.springs import ElasticString, Lin
 from leastaction.mechanics.elements.scalars import unit_of
 from leastaction.mechanics.elements.units import common
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 
 _LENGTH = positive("as a string of zero length has no direction to pull in", unit="m", variable="kinematic")
 
 
+@public
 @dataclass(frozen=True)
 class Distance(Constraint):
     """Hold the distance between two frames: ``h = |p1 - p2|^2 - L^2`` (m^2), a rod or a taut string.
@@ -107,6 +109,7 @@ class _Axes(Kind):
         return ", ".join(value)
 
 
+@public
 @dataclass(frozen=True)
 class PointToPoint(Constraint):
     """Let the origins of two frames coincide along axes of the world: ``h = p1[axis] - p2[axis]`` (m).
@@ -155,6 +158,7 @@ class PointToPoint(Constraint):
             core.builder.add_coincidence(first, second, np.eye(3)["xyz".index(axis)].copy())
 
 
+@public
 @dataclass(frozen=True)
 class PathLength(Constraint):
     """Hold the length of a string over via-points: ``h = sum of |p_i - p_i+1| - L`` (m), a tendon or rope.
@@ -208,6 +212,7 @@ class PathLength(Constraint):
         core.constraint(core.path(self.frames), "length", self.length)
 
 
+@public
 @dataclass(frozen=True)
 class Coupling(Constraint):
     """Couple configuration variables: ``h = sum of factor q - offset``, such as gears or a screw.
@@ -247,6 +252,7 @@ class Coupling(Constraint):
         core.constraint(core.sum(self.factors), "offset", self.offset)
 
 
+@public
 @dataclass(frozen=True)
 class PolynomialCoupling(Constraint):
     """Couple two scalars by a polynomial: ``h = s - (c0 + c1 x + c2 x^2 + ...)``, such as a knee's rolling.

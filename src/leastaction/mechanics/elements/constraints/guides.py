@@ -11,8 +11,10 @@ from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.directions import Direction, triad, vector
 from leastaction.mechanics.elements.fields import AXIS, FRAME, KINEMATIC
 from leastaction.mechanics.elements.looks import Push, along_axes
+from leastaction.numerics.public import public
 
 
+@public
 @dataclass(frozen=True)
 class PointOnPlane(Constraint):
     """Keep the origin of a frame on a plane of another: ``h = n . (p_plane - p_frame)``.
@@ -54,6 +56,7 @@ class PointOnPlane(Constraint):
         core.constraint(core.component(self.plane, self.frame, self.plane, normal))
 
 
+@public
 @dataclass(frozen=True)
 class PointOnLine(Constraint):
     """Keep the origin of a frame on a line of another: ``h_i = e_i . (p_line - p_frame)`` (m).
@@ -107,6 +110,7 @@ class PointOnLine(Constraint):
             core.constraint(core.component(self.line, self.frame, self.line, across))
 
 
+@public
 @dataclass(frozen=True)
 class PrescribedPath(Constraint):
     """Lead the origin of a frame along a prescribed path: ``h = p[axis] - rho[axis]`` (m).

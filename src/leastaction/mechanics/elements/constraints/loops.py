@@ -13,8 +13,10 @@ from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.directions import Direction, triad
 from leastaction.mechanics.elements.fields import AXIS, FLAG, FRAME, ROTATION
 from leastaction.mechanics.elements.looks import Push, along_axes
+from leastaction.numerics.public import public
 
 
+@public
 @dataclass(frozen=True)
 class HingeLoop(Constraint):
     """Close a loop by a hinge: two frames share their origin and an axis, about which they turn freely.
@@ -92,6 +94,7 @@ class HingeLoop(Constraint):
             core.constraint(core.product(self.frame1, along, self.frame2, side))
 
 
+@public
 @dataclass(frozen=True)
 class FixedOrientation(Constraint):
     """Hold the attitude of one frame relative to another; the origins stay free.

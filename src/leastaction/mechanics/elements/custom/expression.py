@@ -19,6 +19,7 @@ from leastaction.mechanics.elements.context import Context
 from leastaction.mechanics.elements.kinds import Uses
 from leastaction.mechanics.expressions.terms import symbols
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 
 if TYPE_CHECKING:
     import sympy
@@ -57,6 +58,7 @@ def _cord(element: ExpressionPotential | ExpressionConstraint) -> ExpressionCord
     return cord_of(element.expression)
 
 
+@public
 @dataclass(frozen=True)
 class ExpressionPotential(Potential):
     """A potential energy of the user's own: ``V`` (J) as an expression.
@@ -92,6 +94,7 @@ class ExpressionPotential(Potential):
         core.potential(_scalar(self.compiled, core))
 
 
+@public
 @dataclass(frozen=True)
 class ExpressionConstraint(Constraint):
     """A holonomic constraint of the user's own: ``h(q) = 0`` with h as an expression.
@@ -137,6 +140,7 @@ class ExpressionConstraint(Constraint):
         core.constraint(_scalar(self.compiled, core))
 
 
+@public
 @dataclass(frozen=True)
 class ExpressionForce(Force):
     """A force of the user's own along a scalar of the configuration: ``f_i = F ds/dq_i``.

@@ -14,12 +14,14 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics.elements.custom.python_function import PythonFunction
 from leastaction.numerics.arrays import Array, as_array, as_number
 from leastaction.numerics.differences import central_differences, complex_step
+from leastaction.numerics.public import public
 
 # Central differences, which tell whether a method follows complex z, are good to about 1e-9.
 DIFFERENCE = 1e-5
 ROUGH = 1e-5
 
 
+@public
 @dataclass(frozen=True)
 class FunctionReport:
     """Largest errors of the derivatives of a function, each relative to ``1 +`` the size of the derivative.
@@ -56,6 +58,7 @@ class FunctionReport:
         )
 
 
+@public
 def check_function(
     function: PythonFunction, z: ArrayLike, *, tolerance: float = 1e-10, strict: bool = True
 ) -> FunctionReport:

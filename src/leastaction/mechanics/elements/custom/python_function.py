@@ -22,6 +22,7 @@ from leastaction.mechanics.elements.fields import FRAMES, INPUT, Metadata, numbe
 from leastaction.mechanics.elements.kinds import Kind, Names, Uses
 from leastaction.mechanics.expressions.terms import unit_vector
 from leastaction.numerics.names import check_name
+from leastaction.numerics.public import public
 
 Direction = tuple[str, str | Sequence[float]]
 
@@ -148,6 +149,7 @@ _DIRECTIONS: Metadata = {"kind": _Directions()}
 _VARIABLES: Metadata = {"kind": Names("variables")}
 
 
+@public
 @dataclass(frozen=True)
 class PythonPotential(Potential):
     """A potential energy of the user's own: ``V = f(z)`` (J) with f in Python.
@@ -186,6 +188,7 @@ class PythonPotential(Potential):
         core.potential(_coordinate(self, core))
 
 
+@public
 @dataclass(frozen=True)
 class PythonConstraint(Constraint):
     """A holonomic constraint of the user's own: ``h(q) = f(z) = 0`` with f in Python.
@@ -229,6 +232,7 @@ class PythonConstraint(Constraint):
         core.constraint(_coordinate(self, core))
 
 
+@public
 @dataclass(frozen=True)
 class PythonForce(Force):
     """A force of the user's own along a scalar s of the configuration: ``F_i = gain F ds/dq_i``, both in Python.

@@ -16,6 +16,7 @@ from leastaction.mechanics.elements.kinds import Kind, Number, Uses
 from leastaction.mechanics.elements.scalars import Factors
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.names import check_name
+from leastaction.numerics.public import public
 
 _COEFFICIENT = Number(lambda c: c >= 0.0, "zero or more", "as damping opposes the motion")
 
@@ -37,6 +38,7 @@ class _Coefficients(Kind):
         return Uses(dynamic=tuple(value)) if isinstance(value, Mapping) else Uses()
 
 
+@public
 @dataclass(frozen=True)
 class Damping(Force):
     """Linear damping of the dynamic variables: ``f_i = -c_i v_i``.
@@ -128,6 +130,7 @@ class _OddPowers(Kind):
         return ", ".join(f"{name} {c:g}" for name, c in self.numbers("", value).items())
 
 
+@public
 @dataclass(frozen=True)
 class NonlinearDamping(Force):
     """Damping by odd powers of a rate: ``f_i = -(c1 s' + c3 s'^3 + c5 s'^5 + ...) ds/dq_i``.
@@ -163,6 +166,7 @@ class NonlinearDamping(Force):
         _oppose(core, self.on, core.law("polynomial", *powers))
 
 
+@public
 @dataclass(frozen=True)
 class CoulombFriction(Force):
     """Dry friction, smoothed: ``f_i = -F tanh(s' / v0) ds/dq_i``.
@@ -199,6 +203,7 @@ class CoulombFriction(Force):
         _oppose(core, self.on, core.law("tanh", "force", "speed"))
 
 
+@public
 @dataclass(frozen=True)
 class LinearDamper(Force):
     """A damper between two frames: ``f_i = -c sdot ds/dq_i`` with ``s = |p1 - p2|``.

@@ -12,8 +12,10 @@ from leastaction.mechanics.elements.base import Force
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.fields import FRAME, VECTOR, number, positive
 from leastaction.mechanics.expressions.tapes import TapeWriter, dot
+from leastaction.numerics.public import public
 
 
+@public
 @dataclass(frozen=True)
 class Drag(Force):
     """Drag on the origin of a frame: ``F = -c (|w|^2 + e^2)^((n-1)/2) w`` with ``w = pdot - wind``.

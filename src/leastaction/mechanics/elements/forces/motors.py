@@ -12,10 +12,12 @@ from leastaction.mechanics.elements.fields import AXIS, DYNAMIC_SUM, END, FRAME,
 from leastaction.mechanics.elements.looks import Push
 from leastaction.mechanics.elements.units import common, force_along
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 
 _ACTS = "as else the input does nothing"
 
 
+@public
 @dataclass(frozen=True)
 class JointForce(Force):
     """An input straight onto a dynamic variable, ``f_i = u``, or onto a sum of some, ``f_i = factor_i u``.
@@ -59,6 +61,7 @@ class JointForce(Force):
             core.force(core.sum(self.variable), 1.0, self.input)
 
 
+@public
 @dataclass(frozen=True)
 class Motor(Force):
     """A motor that turns one frame against another: ``f_i = gain u dphi/dq_i``.
@@ -104,6 +107,7 @@ class Motor(Force):
         core.force(core.angle(self.frame1, self.frame2, self.axis), "gain", self.input)
 
 
+@public
 @dataclass(frozen=True)
 class LinearMotor(Force):
     """A motor that pushes two frames apart: ``f_i = gain u ds/dq_i`` with their distance s.

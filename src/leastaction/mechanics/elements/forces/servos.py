@@ -11,8 +11,10 @@ from leastaction.mechanics.elements.compiler import Compiler, Scalar
 from leastaction.mechanics.elements.fields import DYNAMIC_SUM_OR_PATH, INPUT, number
 from leastaction.mechanics.elements.scalars import unit_of
 from leastaction.mechanics.elements.units import force_along, rate_of
+from leastaction.numerics.public import public
 
 
+@public
 @dataclass(frozen=True)
 class Servo(Force):
     """A drive along a scalar s whose force is affine in the input, in s and in its rate.

@@ -12,8 +12,10 @@ from leastaction.mechanics.elements.compiler import Compiler, Paths
 from leastaction.mechanics.elements.fields import CURVE, INPUT, PATH, not_zero
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.curve import Curve
+from leastaction.numerics.public import public
 
 
+@public
 @dataclass(frozen=True)
 class TendonForce(Force):
     """The tension of a string over via-points: ``f_i = -gain u fl(s) fv(sdot) ds/dq_i``.

@@ -17,6 +17,7 @@ from leastaction.mechanics.elements.looks import Push
 from leastaction.mechanics.elements.scalars import Factors
 from leastaction.mechanics.elements.units import common
 from leastaction.numerics.names import check_name
+from leastaction.numerics.public import public
 
 Component = float | str | Mapping[str, float]
 _Three = tuple[Component, ...]
@@ -102,6 +103,7 @@ class _Components(Kind):
 _FORCE, _TORQUE = _Components("f", "N"), _Components("t", "N m")
 
 
+@public
 @dataclass(frozen=True)
 class Wrench(Force):
     """Base of the wrenches; they differ in where the force acts and in whose axes it is given.
@@ -187,6 +189,7 @@ class Wrench(Force):
         core.builder.add_wrench(self.kind, placed.joint, pose, slots, inputs)
 
 
+@public
 @dataclass(frozen=True)
 class BodyWrench(Wrench):
     """A force at a frame's origin and a torque, both in the axes of the frame.
@@ -199,6 +202,7 @@ class BodyWrench(Wrench):
     called = "body_wrench"
 
 
+@public
 @dataclass(frozen=True)
 class HybridWrench(Wrench):
     """A force at a frame's origin and a torque, both in the axes of the world.
@@ -211,6 +215,7 @@ class HybridWrench(Wrench):
     called = "hybrid_wrench"
 
 
+@public
 @dataclass(frozen=True)
 class SpatialWrench(Wrench):
     """A force along a line through the world's origin and a torque about it, in the axes of the world.

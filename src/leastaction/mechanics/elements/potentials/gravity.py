@@ -15,6 +15,7 @@ from leastaction.mechanics.elements.context import Context
 from leastaction.mechanics.elements.fields import END, VECTOR, not_zero
 from leastaction.mechanics.elements.kinds import Kind, Names, Uses
 from leastaction.mechanics.expressions.tapes import TapeWriter, dot
+from leastaction.numerics.public import public
 
 _FRAMES = Names("frames")
 
@@ -40,6 +41,7 @@ class _Heavy(Kind):
         return _FRAMES.acts_on(value)
 
 
+@public
 @dataclass(frozen=True)
 class Gravity(Potential):
     """Uniform gravity: ``V = -m g . p`` with p the centre of mass, for every mass or for some.
@@ -123,6 +125,7 @@ def _mass(bodies: Sequence[Body]) -> float:
     return sum(body.mass for body in bodies)
 
 
+@public
 @dataclass(frozen=True)
 class InverseSquareGravity(Potential):
     """Attraction between two frames with the inverse square of their distance: ``V = -k / |p1 - p2|``.

@@ -28,8 +28,10 @@ from leastaction.mechanics.elements.fields import (
 from leastaction.mechanics.elements.units import common
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.curve import Curve
+from leastaction.numerics.public import public
 
 
+@public
 @dataclass(frozen=True)
 class JointSpring(Potential):
     """A spring on a configuration variable, or on a sum of some: ``V = k/2 (s - s0)^2``.
@@ -66,6 +68,7 @@ class JointSpring(Potential):
         core.potential(s, core.law("spring", "stiffness", rest))
 
 
+@public
 @dataclass(frozen=True)
 class LinearSpring(Potential):
     """A spring between two frames: ``V = k/2 (|p1 - p2| - L)^2``.
@@ -128,6 +131,7 @@ class LinearSpring(Potential):
             core.potential(core.component(*ends, core.context.world, axis), law)
 
 
+@public
 @dataclass(frozen=True)
 class TorsionalSpring(Potential):
     """A spring against the turning of one frame relative to another: ``V = k/2 (phi - phi0)^2``.
@@ -185,6 +189,7 @@ class TorsionalSpring(Potential):
         core.potential(s, core.law("spring", "stiffness", rest))
 
 
+@public
 @dataclass(frozen=True)
 class NonlinearSpring(Potential):
     """A spring whose force is a smooth curve: ``V(s) = integral of F``, so that it drives with ``-F(s)``.
@@ -224,6 +229,7 @@ class NonlinearSpring(Potential):
         core.potential(core.along(self.on), core.curve(self.force.integral(), scale))
 
 
+@public
 @dataclass(frozen=True)
 class ElasticString(Potential):
     """An elastic string through the origins of frames, the ends and the via-points, of length s.

@@ -15,12 +15,14 @@ from leastaction.errors import ArgumentError, unknown
 from leastaction.numerics.arrays import Array, as_array, as_count
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.memory import MAX_BYTES, check_memory
+from leastaction.numerics.public import public
 
 Evaluate = Callable[[Array, Array], tuple[Array, Array, Array]]
 """From directions (k, n) and weights (m,): values (m,), gradients (m, n) and the Hessian (n, n) of the weighted sum, or
 the derivatives of these along the directions."""
 
 
+@public
 @dataclass(frozen=True)
 class FunctionDerivatives(Frozen):
     """A function at a point with its gradient and Hessian, and by contraction the orders above; all of them exact.

@@ -12,8 +12,10 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics.description.tree import WORLD
 from leastaction.mechanics.mechanism.arguments import Compiled, batch, batch_of_states, shaped, single
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 
 
+@public
 @dataclass(frozen=True)
 class Energy:
     """Energy of a mechanism (J): floats, or arrays (N,) for a batch of states."""

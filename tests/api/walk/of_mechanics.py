@@ -1,96 +1,16 @@
-"""Right calls of public callables, one for each, and values that are wrong for nearly every argument.
-
-For a walk that puts each of these values in the place of each argument: what comes of it is an error of the package's
-own that says something, or an answer.
-"""
+"""Right calls of what is about mechanisms, their elements and their runs."""
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 import leastaction as la
+from api.walk.scenes import Q, V, arm, continuous, free_arm, held, integrator, run
+from api.walk.values import Call
 from leastaction import mechanics as mech
-
-WRONG: dict[str, Any] = {
-    "None": None,
-    "a word": "word",
-    "no word": "",
-    "bytes": b"word",
-    "a whole number": 3,
-    "a negative one": -1,
-    "zero": 0,
-    "half": 0.5,
-    "nan": float("nan"),
-    "infinity": float("inf"),
-    "a huge number": 1e300,
-    "a tiny number": 1e-300,
-    "beyond all doubles": 10**400,
-    "a complex number": 1 + 2j,
-    "True": True,
-    "an empty list": [],
-    "a list of a number": [1.0],
-    "a list of words": ["word", "word"],
-    "a ragged list": [[1.0], [1.0, 2.0]],
-    "a list of None": [None, None],
-    "an empty dict": {},
-    "a dict": {"word": 1.0},
-    "a dict of numbers": {1: 2},
-    "an object": object(),
-    "a class": int,
-    "a function": lambda *_: None,
-    "a set": {1, 2},
-    "an array of another shape": np.zeros((2, 3, 4)),
-    "a matrix": np.eye(2),
-    "an array of nan": np.full(2, np.nan),
-    "an array of huge numbers": np.full(2, 1e300),
-    "an array of words": np.array(["a", "b"]),
-    "an array of objects": np.array([object(), None]),
-    "an empty array": np.zeros(0),
-}
-
-
-@functools.cache
-def arm() -> la.Mechanism:
-    """Return two links with a force, a string to a prescribed place and damping."""
-    links = [mech.rx("a"), [mech.tz(-1.0, mass=1.0, name="A"), [mech.rx("b"), [mech.tz(-1.0, mass=0.5, name="B")]]]]
-    hook = mech.ty("hook", kinematic=True, name="hook")
-    forces = [mech.JointForce("b", input="u"), mech.Damping({"a": 0.1})]
-    return la.Mechanism([*links, hook], [mech.Gravity(), mech.Distance("hook", "B", 1.5, name="bar"), *forces])
-
-
-@functools.cache
-def free_arm() -> la.Mechanism:
-    links = [mech.rx("a"), [mech.tz(-1.0, mass=1.0, name="A"), [mech.rx("b"), [mech.tz(-1.0, mass=0.5, name="B")]]]]
-    return la.Mechanism(links, [mech.Gravity(), mech.JointForce("b", input="u")])
-
-
-@functools.cache
-def held() -> np.ndarray:
-    return mech.project_configuration(arm(), [0.3, 0.8, 0.0]).q
-
-
-@functools.cache
-def integrator() -> la.MidpointVI:
-    return la.MidpointVI(free_arm(), threads=1)
-
-
-@functools.cache
-def run() -> la.Trajectory:
-    vi = integrator()
-    return vi.simulate(vi.start([0.3, 0.8]), np.linspace(0.0, 0.1, 11))
-
-
-@functools.cache
-def continuous() -> mech.ContinuousTrajectory:
-    return mech.simulate(free_arm(), [0.3, 0.8], None, np.linspace(0.0, 0.1, 6))
-
-
-Q, V = [0.3, 0.8], [0.1, 0.2]
-Call = tuple[Callable[..., Any], dict[str, Any]]
 
 
 def calls() -> dict[str, Call]:

@@ -1,0 +1,271 @@
+"""What every public function and class is called through: what is given is held against what the signature says.
+
+Flags, numbers and functions are looked at before a call, for nothing in it would notice a wrong one; everything else
+where the call fails with an error that is not the package's own, and after the construction of an object, which may
+keep it for later. A function says more of what it wants than its signature does, so what it says itself comes first.
+An `ArgumentError` that leaves a call gets the name of what was called. What a user's function raises passes unchanged,
+and so does what the package calls of itself.
+"""
+
+from __future__ import annotations
+
+import enum
+import functools
+import inspect
+import os
+import sys
+import types
+import typing
+from collections.abc import Callable, Iterable, Mapping
+from types import TracebackType
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError, KeywordError, LeastActionError, brief
+
+T = TypeVar("T")
+
+_UNTYPED = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError)
+_OURS = {"leastaction", "numpy", "scipy", "sympy", "h5py", "matplotlib", *sys.stdlib_module_names} - {"__main__"}
+_CALLED_BY_USERS = ("__init__", "__call__", "__getitem__")
+_DESCRIBES = (
+    "leastaction.mechanics.description",
+    "leastaction.mechanics.elements",
+    "leastaction.mechanics.expressions",
+)
+
+
+class Kind(NamedTuple):
+    """What an annotation asks for: whether a value fits, in words, and whether nothing else would look at it."""
+
+    fits: Callable[[object], bool]
+    words: str
+    early: bool = False
+
+
+def public(it: T) -> T:
+    """Return a public function that is called through checks; a class is changed in its place, with its methods.
+
+    Of what describes a mechanism keywords alone are checked: values are when it is compiled, and named by their place.
+    """
+    if inspect.isfunction(it):
+        return _around(it, it.__name__)  # type: ignore[return-value]
+    assert inspect.isclass(it)
+    assert not issubclass(it, (BaseException, enum.Enum))
+    for name, found in list(vars(it).items()):
+        if name != "__init__" and (_describes(it) or (name.startswith("_") and name not in _CALLED_BY_USERS)):
+            continue
+        bound = type(found) if isinstance(found, (staticmethod, classmethod)) else None
+        function = found.__func__ if isinstance(found, (staticmethod, classmethod)) else found
+        if inspect.isfunction(function) and not hasattr(function, "__is_public__"):
+            around = _around(function, it.__name__ if name == "__init__" else f"{it.__name__}.{name}")
+            setattr(it, name, bound(around) if bound else around)
+    return it
+
+
+def _describes(it: Any) -> bool:
+    return str(it.__module__).startswith(_DESCRIBES)
+
+
+def _around(function: Callable[..., Any], name: str) -> Callable[..., Any]:
+    """Return a function, or a method by its class, within its checks."""
+    seen: _Signature | None = None
+    makes = function.__name__ == "__init__"
+
+    @functools.wraps(function)
+    def call(*arguments: Any, **named: Any) -> Any:
+        nonlocal seen
+        if sys._getframe(1).f_globals.get("__name__", "").startswith("leastaction."):
+            return function(*arguments, **named)
+        if seen is None:
+            seen = _Signature(function)
+        try:
+            if named or seen.early:
+                seen.check_early(arguments, named)
+            result = function(*arguments, **named)
+            if makes and seen.has_kinds:
+                seen.check(arguments, named)
+            return result
+        except ArgumentError as error:
+            seen.tell(error, name)
+            raise
+        except LeastActionError:
+            raise
+        except _UNTYPED as error:
+            if _is_ours(error.__traceback__):
+                try:
+                    seen.explain(error, arguments, named)
+                except ArgumentError as named_error:
+                    seen.tell(named_error, name)
+                    raise
+            raise
+
+    call.__is_public__ = True  # type: ignore[attr-defined]
+    return call
+
+
+def _is_ours(traceback: TracebackType | None) -> bool:
+    """Whether an error comes from the package, or from what it calls; else it is of a user's function."""
+    module = ""
+    while traceback is not None:
+        module = traceback.tb_frame.f_globals.get("__name__", "").partition(".")[0]
+        traceback = traceback.tb_next
+    return module in _OURS
+
+
+class _Signature:
+    """The parameters of a function, with what their annotations ask for."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        parameters = inspect.signature(function).parameters.values()
+        plain = [p for p in parameters if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
+        self.has_kinds = not _describes(function)
+        self.kinds = {p.name: kind_of(p.annotation, function) if self.has_kinds else ANY for p in plain}
+        self.positional = [p.name for p in plain if p.kind != p.KEYWORD_ONLY]
+        self.keywords = [p.name for p in plain if p.kind != p.POSITIONAL_ONLY]
+        self.early = [(i, name) for i, name in enumerate(self.positional) if self.kinds[name].early]
+        self.open = False
+        for more in (p for p in parameters if p.kind == p.VAR_KEYWORD):
+            options = typing.get_args(resolved(more.annotation, function))
+            self.open = not options
+            self.keywords += list(typing.get_type_hints(options[0])) if options else []
+
+    def tell(self, error: ArgumentError, name: str) -> None:
+        """Say in an error what was called, and which keywords it has besides."""
+        error.function = name
+        if isinstance(error, KeywordError):
+            error.known.update(self.keywords)
+
+    def check_early(self, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> None:
+        """Raise an `ArgumentError` for what nobody else would look at."""
+        for i, name in self.early:
+            if i < len(arguments) and not self.kinds[name].fits(arguments[i]):
+                raise _unfit(name, self.kinds[name], arguments[i])
+        for name, value in named.items():
+            kind = self.kinds.get(name, ANY)
+            if kind.early and not kind.fits(value):
+                raise _unfit(name, kind, value)
+            if name not in self.keywords and not self.open:
+                raise KeywordError(name, self.keywords)
+
+    def check(self, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> None:
+        """Raise an `ArgumentError` for the first argument that is not what its annotation asks for."""
+        for name, value in (*zip(self.positional, arguments, strict=False), *named.items()):
+            kind = self.kinds.get(name, ANY)
+            if not kind.fits(value):
+                raise _unfit(name, kind, value)
+
+    def explain(self, error: Exception, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> None:
+        """Raise an `ArgumentError` for the argument that made a call fail, if there is one that does not fit."""
+        self.check(arguments, named)
+        given = {**dict(zip(self.positional, arguments, strict=False)), **named}
+        for name, value in given.items():
+            called = f"{getattr(value, '__name__', None)}()"
+            if callable(value) and (inspect.isclass(value) or str(error).partition(" ")[0].endswith(called)):
+                said = f"{name}: got {brief(repr(value))}, expected a function that can be called so: {error}"
+                raise ArgumentError(said) from error
+        numbers = {name: value for name, value in given.items() if name != "self" and value is not None}
+        if numbers and all(map(_are_numbers, numbers.values())):
+            shown = [
+                f"{name} {f'of shape {n}' if (n := np.shape(value)) else value}" for name, value in numbers.items()
+            ]
+            raise ArgumentError(f"got {brief(', '.join(shown))}, which do not go together: {error}") from error
+
+
+def _unfit(name: str, kind: Kind, value: object) -> ArgumentError:
+    return ArgumentError(f"{name}: got {brief(repr(value))} ({type(value).__name__}), expected {kind.words}")
+
+
+def resolved(annotation: object, function: Callable[..., Any]) -> object:
+    """Return what an annotation means where its function stands; `Any` where that is known to type checkers alone."""
+    if isinstance(annotation, str):
+        try:
+            return eval(annotation, inspect.unwrap(function).__globals__)
+        except (NameError, TypeError, AttributeError):
+            return Any
+    return annotation
+
+
+def kind_of(annotation: object, function: Callable[..., Any]) -> Kind:
+    """Return what an annotation of a function asks for."""
+    it = resolved(annotation, function)
+    simple = _SIMPLE.get(it) if it.__hash__ is not None else None
+    if simple:
+        return simple
+    if it in (Any, object, inspect.Parameter.empty) or isinstance(it, TypeVar):
+        return ANY
+    origin, arguments = typing.get_origin(it), typing.get_args(it)
+    if origin in (typing.Union, types.UnionType):
+        arrays = set(typing.get_args(ArrayLike))
+        others = [kind_of(each, function) for each in arguments if not (arrays <= set(arguments) and each in arrays)]
+        return _any_of([*([NUMBERS] if arrays <= set(arguments) else []), *others])
+    if origin is typing.Literal:
+        return Kind(lambda value: isinstance(value, str) and value in arguments, " or ".join(map(repr, arguments)))
+    if origin is typing.Unpack:
+        return ANY
+    if origin is np.ndarray:
+        return NUMBERS
+    it = origin or it
+    if not inspect.isclass(it) or getattr(it, "_is_protocol", False):
+        return ANY
+    if it is Callable or it.__name__ == "Callable":
+        return FUNCTION
+    if issubclass(it, Mapping):
+        return Kind(lambda value: isinstance(value, Mapping), "a mapping")
+    if it is os.PathLike:
+        return Kind(lambda value: isinstance(value, it), "a path")
+    if issubclass(it, Iterable) and origin is not None:
+        return _list_of(kind_of(arguments[0], function) if arguments else ANY)
+    article = "an" if it.__name__[0] in "AEIOU" else "a"
+    return Kind(lambda value: isinstance(value, it), f"{article} {it.__name__}")
+
+
+def _any_of(kinds: list[Kind]) -> Kind:
+    if ANY in kinds:
+        return ANY
+    return Kind(
+        lambda value: any(kind.fits(value) for kind in kinds),
+        " or ".join(dict.fromkeys(kind.words for kind in kinds)),
+        all(kind.early for kind in kinds),
+    )
+
+
+def _list_of(entry: Kind) -> Kind:
+    def fits(value: object) -> bool:
+        if isinstance(value, (str, bytes, Mapping)) or not isinstance(value, Iterable):
+            return False
+        return not hasattr(value, "__len__") or all(map(entry.fits, value))
+
+    return Kind(fits, "a list" if entry is ANY else f"a list, each of it {entry.words}")
+
+
+def _is_number(value: object) -> bool:
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+
+
+def _is_whole(value: object) -> bool:
+    return hasattr(value, "__index__") and not isinstance(value, (bool, np.bool_, type)) and np.ndim(value) == 0  # type: ignore[arg-type]
+
+
+def _are_numbers(value: object) -> bool:
+    try:
+        return np.asarray(value).dtype.kind in "biuf"
+    except (TypeError, ValueError, OverflowError):
+        return False
+
+
+ANY = Kind(lambda _: True, "anything")
+NUMBERS = Kind(_are_numbers, "an array of numbers")
+FUNCTION = Kind(callable, "a function", early=True)
+_SIMPLE: dict[object, Kind] = {
+    bool: Kind(lambda value: isinstance(value, (bool, np.bool_)), "True or False", early=True),
+    int: Kind(_is_whole, "a whole number", early=True),
+    float: Kind(_is_number, "a number", early=True),
+    str: Kind(lambda value: isinstance(value, str), "a word"),
+    None: Kind(lambda value: value is None, "None", early=True),
+    type(None): Kind(lambda value: value is None, "None", early=True),
+}
