@@ -51,7 +51,7 @@ def run(**options):
         ({"first_step": -1.0}, r"first_step: got -1.0 s"),
         ({"first_step": 2.0}, r"first_step: got 2.0 s, expected at most the 1 s"),
         ({"max_steps": 0}, r"max_steps: got 0, expected a whole number"),
-        ({"max_steps": 1.5}, r"max_steps: got 1.5, expected a whole number"),
+        ({"max_steps": 1.5}, r"max_steps: got 1.5 .*, expected a whole number"),
         ({"constraints": "penalty"}, r"constraints: got 'penalty', expected 'project', 'baumgarte'"),
         ({"constraints": None}, r"constraints: got None, expected"),
         ({"constraints": Baumgarte(0.0)}, r"time_constant: got 0.0, expected a number > 0"),
@@ -85,7 +85,7 @@ def test_settings(options: dict, message: str) -> None:
         ({"rho": PrescribedMotion(lambda t: [0.0], lambda t: [0.0], lambda t: [])}, r"acceleration of rho\(0\)"),
         ({"rho": np.zeros((3, 1)), "rho_a": [0.0]}, r"rho: got both rho and rho_a"),
         ({"u": lambda t, x: [0.0, 0.0], "inputs": [1.0]}, r"u: it gives all inputs, but inputs came too"),
-        ({"u": [0.0, 0.0]}, r"u: got list, expected a function \(t, x\)"),
+        ({"u": [0.0, 0.0]}, r"u: got .* \(list\), expected a function"),
         ({"u": lambda t, x: [0.0]}, r"u\(0, x\): got shape .*, expected \(2,\).*acceleration of height"),
     ],
 )  # fmt: skip
@@ -102,16 +102,22 @@ def test_inputs(options: dict, message: str) -> None:
         ({"low": "y"}, r"events\['low'\]: unknown variable 'y'; the variables are 'x', 'height'"),
         ({"low": Event("heigth")}, r"did you mean 'height'"),
         ({"low": Event("x", value=np.nan)}, r"events\['low'\]: value: got nan"),
-        ({"low": Event("x", direction="up")}, r"direction: got 'up' .*, expected a number"),
         ({"low": Event("x", terminal=-1)}, r"terminal is -1, expected True, False"),
-        ({"low": Event("x", terminal=0.5)}, r"terminal is 0.5"),
-        ({"low": Event(None)}, r"its function is None"),
         ({"low": lambda t, x: "no"}, r"events\['low'\]: got 'no' at t = 0 s, expected a number"),
     ],
 )
 def test_events(events: object, message: str) -> None:
     with pytest.raises(ArgumentError, match=message):
         run(events=events)
+
+
+def test_events_of_other_kinds() -> None:
+    with pytest.raises(ArgumentError, match=r"Event: direction: got 'up' .*, expected a number"):
+        Event("x", direction="up")  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match=r"Event: terminal: got 0.5 .*, expected True or False or a whole number"):
+        Event("x", terminal=0.5)  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match=r"Event: function: got None .*, expected a function or a word"):
+        Event(None)  # type: ignore[arg-type]
 
 
 def test_what_a_trajectory_is_asked_for() -> None:

@@ -2,38 +2,103 @@
 
 from __future__ import annotations
 
+import enum
+import importlib
+import inspect
 import time
 import warnings
+import zlib
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from api.wrong_arguments import WRONG, arm, calls
 
-from leastaction.errors import ArgumentError, LeastActionError
+from api.walk import of_data, of_files, of_mechanics, of_optimal
+from api.walk.scenes import arm
+from api.walk.values import WRONG, Call
+from leastaction.errors import ArgumentError, KeywordError, LeastActionError
 from leastaction.mechanics import check_consistent, equilibrium, project_configuration
+from leastaction.numerics.public import called_publicly
 
-CALLS = sorted(calls())
+GROUPS = {"mechanics": of_mechanics, "optimal": of_optimal, "files": of_files, "data": of_data}
+PACKAGES = (
+    "leastaction",
+    "leastaction.mechanics",
+    "leastaction.mechanics.expressions",
+    "leastaction.models",
+    "leastaction.optimal",
+    "leastaction.optimal.continuous",
+    "leastaction.systems",
+    "leastaction.io",
+    "leastaction.viz",
+)
 _SECONDS = 5.0  # of the processor, for all wrong values of one argument
+_SAMPLE = 7  # of so many wrong values, one is tried of every argument where not all are
+
+# What functions return and nobody makes; and bases, whose arguments are those of what is derived from them.
+RETURNED = {
+    "AccelerationDerivatives", "AccelerationTensors", "Accelerations", "Affine", "Branch", "Composition",
+    "ConfigurationProjection", "ContinuousLinearQuadraticSolution", "ContinuousOptimizationResult",
+    "ContinuousRollout", "ContinuousState", "Contradiction", "Controllability", "ControllabilityWindow", "CostAlong",
+    "CostGradient", "CostHessian", "DenseTrajectory", "DerivativeReport", "DiscreteBalance", "Drift", "Energy",
+    "Equilibrium", "EventRecord", "Frame", "FunctionDerivatives", "FunctionReport", "HessianPart", "IterationRecord",
+    "LimitReport", "LimitState", "LinearQuadraticSolution", "Linearization", "ModelHessian", "OptimizationHistory",
+    "RateGradient", "RateHessian", "Rollout", "Sensitivity", "Stability", "Step", "StepDerivatives",
+    "StepSensitivity", "StepTensors", "TrackingErrors", "VelocityProjection", "Unknown", "Wrench",
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("name", CALLS)
-def test_every_wrong_value_of_every_argument_ends_in_a_named_error_or_an_answer(name: str) -> None:
-    function, right = calls()[name]
-    function(**right)
-    untyped: list[str] = []
-    for argument in right:
-        began = time.process_time()
-        for meaning, value in WRONG.items():
-            said = untyped_answer(function, {**right, argument: value})
-            if said:
-                untyped.append(f"{argument} = {meaning}: {said}")
-        if time.process_time() - began > _SECONDS:
-            untyped.append(f"{argument}: took {time.process_time() - began:.1f} s")
-    assert not untyped, "\n" + "\n".join(untyped)
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
 
 
-def untyped_answer(function: Callable[..., object], arguments: dict[str, object]) -> str:
+def public_names() -> dict[str, Any]:
+    """Return everything that a public package offers and that can be called, by name."""
+    found: dict[str, Any] = {}
+    for package in PACKAGES:
+        module = importlib.import_module(package)
+        for name in module.__all__:
+            it = getattr(module, name)
+            if inspect.isfunction(it) or (
+                inspect.isclass(it) and not issubclass(it, (BaseException, enum.Enum)) and not inspect.isabstract(it)
+            ):
+                found[name] = it
+    return found
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_wrong_values_of_every_argument_end_in_a_named_error_or_an_answer(group: str) -> None:
+    """A sample: of every argument some wrong values."""
+    assert not walked(GROUPS[group].calls(), _SAMPLE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("group", GROUPS)
+def test_every_wrong_value_of_every_argument_ends_in_a_named_error_or_an_answer(group: str) -> None:
+    assert not walked(GROUPS[group].calls(), 1)
+
+
+def walked(calls: dict[str, Call], sample: int) -> list[str]:
+    """Return what is wrong with calls, each argument of which has one wrong value in turn."""
+    found = []
+    for name, (function, right) in calls.items():
+        function(**right)
+        flags = called_publicly(function).flags
+        for argument in right:
+            began = time.process_time()
+            first = zlib.crc32(f"{name} {argument}".encode()) % sample
+            for meaning, value in list(WRONG.items())[first::sample]:
+                if said := untyped_answer(function, {**right, argument: value}, argument in flags):
+                    found.append(f"{name}({argument} = {meaning}): {said}")
+            if time.process_time() - began > _SECONDS * len(WRONG):
+                found.append(f"{name}({argument}): took {time.process_time() - began:.1f} s")
+    return found
+
+
+def untyped_answer(function: Callable[..., object], arguments: dict[str, object], flag: bool = False) -> str:
     """Return what is wrong with the answer to a call; empty where nothing is."""
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
@@ -43,21 +108,51 @@ def untyped_answer(function: Callable[..., object], arguments: dict[str, object]
             return "" if str(error) else "an error without words"
         except Exception as error:
             return f"{type(error).__name__}: {str(error)[:80]}"
-    return ""
+    return "taken for True or False" if flag and not any(each is True for each in arguments.values()) else ""
+
+
+def test_everything_public_is_walked() -> None:
+    """A new function or class has a right call in `api/walk`, or is returned by one."""
+    walked_names = {name.partition(" in ")[0].removeprefix("element ") for it in GROUPS.values() for name in it.calls()}
+    assert not set(public_names()) - walked_names - RETURNED
+
+
+def test_everything_public_is_called_through_checks() -> None:
+    unchecked = []
+    for name, it in public_names().items():
+        called = it if inspect.isfunction(it) else vars(it).get("__init__")
+        if inspect.isfunction(called) and not issubclass(it if inspect.isclass(it) else object, tuple):
+            unchecked += [] if hasattr(called, "__is_public__") else [name]
+    assert not unchecked
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_wrong_keywords_name_what_was_called_and_the_nearest(group: str) -> None:
+    for name, (function, right) in GROUPS[group].calls().items():
+        if (
+            not right
+            or not (hasattr(function, "__is_public__") or inspect.isclass(function))
+            or issubclass(function if inspect.isclass(function) else object, tuple)
+        ):
+            continue
+        longest = max(right, key=len)
+        with pytest.raises(KeywordError, match=f"has no argument '{longest}_'; did you mean .*'{longest}'") as caught:
+            function(**{**right, f"{longest}_": None})
+        assert str(caught.value).partition(":")[0].endswith(name.partition(" in ")[0].rpartition(".")[2])
 
 
 def test_silent_wrongs_are_refused() -> None:
     """What was taken in silence: tolerances that pass anything, iterations that end in an assertion."""
     off = [0.3, 0.8, 0.0]
     for tolerance in (np.inf, 1e300, True, [], 1 + 2j, np.nan, -1.0):
-        with pytest.raises(ArgumentError, match="tolerance"):
+        with pytest.raises(ArgumentError, match="check_consistent: tolerance"):
             check_consistent(arm(), off, tolerance=tolerance)
-        with pytest.raises(ArgumentError, match="tolerance"):
+        with pytest.raises(ArgumentError, match="project_configuration: tolerance"):
             project_configuration(arm(), off, tolerance=tolerance)
     for count in (-1, np.nan, 3.5, None):
-        with pytest.raises(ArgumentError, match="max_iterations"):
+        with pytest.raises(ArgumentError, match="equilibrium: max_iterations"):
             equilibrium(arm(), off, max_iterations=count)
-        with pytest.raises(ArgumentError, match="max_iterations"):
+        with pytest.raises(ArgumentError, match="project_configuration: max_iterations"):
             project_configuration(arm(), off, max_iterations=count)
     with pytest.raises(ArgumentError, match="move_kinematic"):
         project_configuration(arm(), off, move_kinematic="yes")

@@ -67,6 +67,7 @@ def andrews() -> Mechanism:
     )
 
 
+@public
 def start(mechanism: Mechanism) -> Array:
     """Return the configuration `START` of the mechanism that `andrews` returns, shape (nq,)."""
     return mechanism.configuration(START)

@@ -72,6 +72,7 @@ def broad_hand(*, tendons: bool = True) -> Mechanism:
     return Mechanism(description, elements)
 
 
+@public
 def bone_body(length: float, mass: float) -> dict[str, Any]:
     """Return the body of a bone along x, a cylinder with its flesh, as the options of a frame at its start."""
     across = mass * (length**2 / 12.0 + RADIUS**2 / 4.0)

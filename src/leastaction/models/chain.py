@@ -8,8 +8,10 @@ from numpy.typing import ArrayLike
 
 from leastaction.mechanics import Gravity, Mechanism, world
 from leastaction.numerics.arrays import as_count
+from leastaction.numerics.public import public
 
 
+@public
 def pendulum_chain(
     links: int = 5,
     *,

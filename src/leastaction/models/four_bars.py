@@ -54,6 +54,7 @@ def four_bars(loops: int = 2, *, length: float = 1.0, mass: float = 1.0, gravity
     return Mechanism(tree, [Gravity((0.0, -gravity, 0.0)), *joints])
 
 
+@public
 def at_angle(mechanism: Mechanism, angle: float, rate: float) -> tuple[Array, Array]:
     """Return the configuration and velocity in which all cranks turn as one and the couplers do not turn.
 

@@ -136,6 +136,7 @@ def hand(*, joints: Literal[16, 25] = 16, tendons: bool = True, force_length: bo
     return Mechanism(description, elements)
 
 
+@public
 def posture(mechanism: Mechanism, closed: float | Array) -> Array:
     """Return configurations (..., 16) of the hand of sixteen joints: open at 0, a fist at 1.
 
@@ -152,12 +153,14 @@ def posture(mechanism: Mechanism, closed: float | Array) -> Array:
     return angles
 
 
+@public
 def tendon_frames(mechanism: Mechanism, tendon: str) -> tuple[str, ...]:
     """Return the frames that a tendon, such as ``"index.deep"``, runs through, from the wrist outwards."""
     finger, _, name = tendon.partition(".")
     return tuple(frame for frame in mechanism.frames if frame.startswith(f"{finger}.") and frame.split(".")[-1] == name)
 
 
+@public
 def tendon_lengths(mechanism: Mechanism, q: Array) -> dict[str, Array]:
     """Return the length of every tendon (m) by its name, for one configuration or many."""
     lengths = {}

@@ -153,6 +153,7 @@ def marionette(*, damping: float = 0.2, strings: Hanging = 6, by: Literal["lengt
     return tie_strings(result, hang_strings(result, np.zeros(result.nq))) if bars and by == "length" else result
 
 
+@public
 def tie_strings(mechanism: Mechanism, q: npt.ArrayLike) -> Mechanism:
     """Return a marionette whose strings on bars are as long as they are in configurations.
 
@@ -222,6 +223,7 @@ def _arm(side: str, side_name: str, elbow_string: bool) -> list[Frame | list[Any
     ]  # fmt: skip
 
 
+@public
 def rest_pose(mechanism: Mechanism) -> npt.NDArray[np.float64]:
     """Return the configuration in which the puppet hangs at rest with bent knees and elbows.
 
@@ -238,6 +240,7 @@ def rest_pose(mechanism: Mechanism) -> npt.NDArray[np.float64]:
     return hang_strings(mechanism, mechanism.configuration(REST))
 
 
+@public
 def hang_strings(mechanism: Mechanism, q: npt.ArrayLike, *, ahead: float = 0.0) -> npt.NDArray[np.float64]:
     """Return configurations with every string that a hand holds taut, straight above its hook or slanted ahead.
 

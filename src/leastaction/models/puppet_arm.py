@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import Body, Damping, Distance, Gravity, Mechanism, rz, tx, ty
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.public import public
 
 STRING = ("string-x", "string-length")
@@ -67,6 +67,7 @@ def puppet_arm(
     )  # fmt: skip
 
 
+@public
 def hang(mechanism: Mechanism, angles: ArrayLike) -> Array:
     """Return configurations with the carriage straight above the hand and the string taut.
 
@@ -86,7 +87,7 @@ def hang(mechanism: Mechanism, angles: ArrayLike) -> Array:
     ArgumentError
         If the hand is not below the carriage.
     """
-    joints = np.asarray(angles, dtype=np.float64)
+    joints = as_array(angles, "angles", (2,), (None, 2), meaning="shoulder and elbow")
     q = np.concatenate([joints, np.zeros_like(joints)], axis=-1)
     ends = mechanism.positions(q, ["hand", "carriage"])
     q[..., 2] = ends[..., 0, 0]

@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from leastaction.mechanics import Mechanism, rx, ry, rz, tx, ty, tz
 from leastaction.numerics.frozen import Frozen
+from leastaction.numerics.public import public
 
 
 class PuppetString(NamedTuple):
@@ -135,12 +136,14 @@ def _control(string: str) -> str:
     return f"{string}_control"
 
 
+@public
 def held(part: str) -> PuppetString:
     """Return the string of a part of the puppet, held by a hand."""
     name = f"{part}_string"
     return PuppetString(name, f"{name}_hook", _control(name), f"{name}-x", f"{name}-y", f"{name}-length")
 
 
+@public
 def tied(name: str) -> TiedString:
     """Return a string that is tied to a bar."""
     return TiedString(name, f"{name}_hook", _control(name), f"{name}.length")
@@ -216,6 +219,7 @@ bar of their own; those of the puppet's hands picked up; or both. The shoulders 
 cross, the back to its rear end, hands and knees to beams ahead."""
 
 
+@public
 def strings_on(hanging: Hanging) -> tuple[AnyString, ...]:
     """Return the strings of a set, or of a control, in the order of the constraints."""
     found = next((each for count, each in STRING_SETS.items() if count == hanging), None)
@@ -226,6 +230,7 @@ def strings_on(hanging: Hanging) -> tuple[AnyString, ...]:
     return tuple(tied(string.name) if string.name in on_bars else string for string in STRING_SETS[7])
 
 
+@public
 def set_of(mechanism: Mechanism) -> Hanging:
     """Return which of `STRING_SETS` and `CONTROLS` a marionette hangs on."""
     control = _control_of(mechanism)
@@ -235,12 +240,14 @@ def set_of(mechanism: Mechanism) -> Hanging:
     return next(count for count, each in STRING_SETS.items() if each == strings)
 
 
+@public
 def bars_of(mechanism: Mechanism) -> tuple[Bar, ...]:
     """Return the bars that strings of a marionette are tied to; none where hands hold all."""
     control = _control_of(mechanism)
     return () if control is None else CONTROLS[control]
 
 
+@public
 def strings_of(mechanism: Mechanism) -> tuple[AnyString, ...]:
     """Return the strings of a marionette, in the order of its constraints, or of its tensions as inputs."""
     control = _control_of(mechanism)
@@ -250,16 +257,19 @@ def strings_of(mechanism: Mechanism) -> tuple[AnyString, ...]:
     return tuple(string for string in _ALL if string.name in names)
 
 
+@public
 def held_strings(mechanism: Mechanism) -> tuple[PuppetString, ...]:
     """Return the strings of a marionette that hands hold, in the order of `strings_of`."""
     return tuple(string for string in strings_of(mechanism) if isinstance(string, PuppetString))
 
 
+@public
 def tied_strings(mechanism: Mechanism) -> tuple[TiedString, ...]:
     """Return the strings of a marionette that are tied to bars, in the order of `strings_of`."""
     return tuple(string for string in strings_of(mechanism) if isinstance(string, TiedString))
 
 
+@public
 def ends_of(mechanism: Mechanism) -> Ends:
     """Return the variables that move the upper ends of a marionette's strings."""
     hands, bars = held_strings(mechanism), bars_of(mechanism)
@@ -273,6 +283,7 @@ def ends_of(mechanism: Mechanism) -> Ends:
     )
 
 
+@public
 def string_lengths(mechanism: Mechanism, q: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Return how far the upper ends of a marionette's strings are from their hooks.
 

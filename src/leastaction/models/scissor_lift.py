@@ -75,6 +75,7 @@ def scissor_lift(
     return Mechanism(tree, elements)
 
 
+@public
 def at_angle(mechanism: Mechanism, angle: float, rate: float = 0.0) -> tuple[Array, Array]:
     """Return the configuration and velocity of a lift whose links are all at one angle below the level.
 

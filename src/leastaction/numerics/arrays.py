@@ -34,9 +34,9 @@ def as_array(
     ``value``: what the user gave. It is not copied if it is a contiguous array of doubles already. ``what``: what it
     is, for the message: ``"q"``, ``"the com of frame 'bob'"``. ``*shapes``: the shapes that are allowed; None stands
     for any length, no shape at all for any shape. ``meaning``: what the axes mean, for the message: ``"(N+1, nx)"``.
-    ``names``: names of the entries along the last axis, so that a bad entry can be named. ``finite``: whether infinities
-    are refused too. Raises `ArgumentError` if the
-    value is not numeric, has another shape or holds a NaN or an infinity.
+    ``names``: names of the entries along the last axis, so that a bad entry can be named. ``finite``: whether
+    infinities are refused too. Raises `ArgumentError` if the value is not numeric, has another shape or holds a NaN or
+    an infinity.
     """
     if (
         finite

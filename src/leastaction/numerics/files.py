@@ -24,6 +24,8 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     file system refused to open, write or move the file.
     """
     target = Path(path)
+    if not target.name:
+        raise OutputError(f"cannot write {str(path)!r}: it names no file")
     # The same folder, because a move between file systems is a copy and a copy can be cut short.
     temporary = target.with_name(f".{target.name}.{os.getpid()}.{secrets.token_hex(4)}.part")
     try:

@@ -37,7 +37,7 @@ _DESCRIBES = (
 )
 
 
-class Kind(NamedTuple):
+class Asked(NamedTuple):
     """What an annotation asks for: whether a value fits, in words, and whether nothing else would look at it."""
 
     fits: Callable[[object], bool]
@@ -60,9 +60,15 @@ def public(it: T) -> T:
         bound = type(found) if isinstance(found, (staticmethod, classmethod)) else None
         function = found.__func__ if isinstance(found, (staticmethod, classmethod)) else found
         if inspect.isfunction(function) and not hasattr(function, "__is_public__"):
-            around = _around(function, it.__name__ if name == "__init__" else f"{it.__name__}.{name}")
+            shown = "" if name == "__init__" else f".{name}"
+            around = _around(function, f"{it.__name__}{shown}" if bound is staticmethod else shown)
             setattr(it, name, bound(around) if bound else around)
     return it
+
+
+def called_publicly(function: Callable[..., Any]) -> _Signature:
+    """Return what is known of the arguments of something public."""
+    return _Signature(inspect.unwrap(function.__init__ if inspect.isclass(function) else function))  # type: ignore[misc]
 
 
 def _describes(it: Any) -> bool:
@@ -85,11 +91,11 @@ def _around(function: Callable[..., Any], name: str) -> Callable[..., Any]:
             if named or seen.early:
                 seen.check_early(arguments, named)
             result = function(*arguments, **named)
-            if makes and seen.has_kinds:
+            if makes and seen.looks_at_values:
                 seen.check(arguments, named)
             return result
         except ArgumentError as error:
-            seen.tell(error, name)
+            seen.tell(error, name, arguments)
             raise
         except LeastActionError:
             raise
@@ -98,7 +104,7 @@ def _around(function: Callable[..., Any], name: str) -> Callable[..., Any]:
                 try:
                     seen.explain(error, arguments, named)
                 except ArgumentError as named_error:
-                    seen.tell(named_error, name)
+                    seen.tell(named_error, name, arguments)
                     raise
             raise
 
@@ -121,19 +127,24 @@ class _Signature:
     def __init__(self, function: Callable[..., Any]) -> None:
         parameters = inspect.signature(function).parameters.values()
         plain = [p for p in parameters if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
-        self.has_kinds = not _describes(function)
-        self.kinds = {p.name: kind_of(p.annotation, function) if self.has_kinds else ANY for p in plain}
+        self.looks_at_values = not _describes(function)
+        self.kinds = {p.name: kind_of(p.annotation, function) for p in plain}
         self.positional = [p.name for p in plain if p.kind != p.KEYWORD_ONLY]
         self.keywords = [p.name for p in plain if p.kind != p.POSITIONAL_ONLY]
-        self.early = [(i, name) for i, name in enumerate(self.positional) if self.kinds[name].early]
+        early = [(i, name) for i, name in enumerate(self.positional) if self.kinds[name].early]
+        self.early = early if self.looks_at_values else []
+        self.flags = [name for name, kind in self.kinds.items() if kind is _SIMPLE[bool]]
         self.open = False
         for more in (p for p in parameters if p.kind == p.VAR_KEYWORD):
             options = typing.get_args(resolved(more.annotation, function))
             self.open = not options
             self.keywords += list(typing.get_type_hints(options[0])) if options else []
 
-    def tell(self, error: ArgumentError, name: str) -> None:
-        """Say in an error what was called, and which keywords it has besides."""
+    def tell(self, error: ArgumentError, name: str, arguments: tuple[Any, ...]) -> None:
+        """Say in an error what was called, a method by the class of its object, and which keywords it has besides."""
+        if not name or name.startswith("."):
+            owner = arguments[0]
+            name = f"{owner.__name__ if inspect.isclass(owner) else type(owner).__name__}{name}"
         error.function = name
         if isinstance(error, KeywordError):
             error.known.update(self.keywords)
@@ -145,7 +156,7 @@ class _Signature:
                 raise _unfit(name, self.kinds[name], arguments[i])
         for name, value in named.items():
             kind = self.kinds.get(name, ANY)
-            if kind.early and not kind.fits(value):
+            if kind.early and self.looks_at_values and not kind.fits(value):
                 raise _unfit(name, kind, value)
             if name not in self.keywords and not self.open:
                 raise KeywordError(name, self.keywords)
@@ -174,7 +185,7 @@ class _Signature:
             raise ArgumentError(f"got {brief(', '.join(shown))}, which do not go together: {error}") from error
 
 
-def _unfit(name: str, kind: Kind, value: object) -> ArgumentError:
+def _unfit(name: str, kind: Asked, value: object) -> ArgumentError:
     return ArgumentError(f"{name}: got {brief(repr(value))} ({type(value).__name__}), expected {kind.words}")
 
 
@@ -188,7 +199,7 @@ def resolved(annotation: object, function: Callable[..., Any]) -> object:
     return annotation
 
 
-def kind_of(annotation: object, function: Callable[..., Any]) -> Kind:
+def kind_of(annotation: object, function: Callable[..., Any]) -> Asked:
     """Return what an annotation of a function asks for."""
     it = resolved(annotation, function)
     simple = _SIMPLE.get(it) if it.__hash__ is not None else None
@@ -202,53 +213,65 @@ def kind_of(annotation: object, function: Callable[..., Any]) -> Kind:
         others = [kind_of(each, function) for each in arguments if not (arrays <= set(arguments) and each in arrays)]
         return _any_of([*([NUMBERS] if arrays <= set(arguments) else []), *others])
     if origin is typing.Literal:
-        return Kind(lambda value: isinstance(value, str) and value in arguments, " or ".join(map(repr, arguments)))
+        return Asked(lambda value: isinstance(value, str) and value in arguments, " or ".join(map(repr, arguments)))
     if origin is typing.Unpack:
         return ANY
     if origin is np.ndarray:
-        return NUMBERS
+        return ARRAY
     it = origin or it
-    if not inspect.isclass(it) or getattr(it, "_is_protocol", False):
+    if not inspect.isclass(it) or getattr(it, "_is_protocol", False) or it.__module__ == "typing":
         return ANY
     if it is Callable or it.__name__ == "Callable":
         return FUNCTION
     if issubclass(it, Mapping):
-        return Kind(lambda value: isinstance(value, Mapping), "a mapping")
+        return _mapping_of(*(kind_of(each, function) for each in arguments or (Any, Any)))
     if it is os.PathLike:
-        return Kind(lambda value: isinstance(value, it), "a path")
+        return Asked(lambda value: isinstance(value, it), "a path")
     if issubclass(it, Iterable) and origin is not None:
         return _list_of(kind_of(arguments[0], function) if arguments else ANY)
     article = "an" if it.__name__[0] in "AEIOU" else "a"
-    return Kind(lambda value: isinstance(value, it), f"{article} {it.__name__}")
+    return Asked(lambda value: isinstance(value, it), f"{article} {it.__name__}")
 
 
-def _any_of(kinds: list[Kind]) -> Kind:
+def _any_of(kinds: list[Asked]) -> Asked:
     if ANY in kinds:
         return ANY
-    return Kind(
+    return Asked(
         lambda value: any(kind.fits(value) for kind in kinds),
         " or ".join(dict.fromkeys(kind.words for kind in kinds)),
         all(kind.early for kind in kinds),
     )
 
 
-def _list_of(entry: Kind) -> Kind:
+def _list_of(entry: Asked) -> Asked:
     def fits(value: object) -> bool:
         if isinstance(value, (str, bytes, Mapping)) or not isinstance(value, Iterable):
             return False
         return not hasattr(value, "__len__") or all(map(entry.fits, value))
 
-    return Kind(fits, "a list" if entry is ANY else f"a list, each of it {entry.words}")
+    return Asked(fits, "a list" if entry is ANY else f"a list, each of it {entry.words}")
+
+
+def _mapping_of(key: Asked, entry: Asked) -> Asked:
+    def fits(value: object) -> bool:
+        return isinstance(value, Mapping) and all(map(key.fits, value)) and all(map(entry.fits, value.values()))
+
+    return Asked(fits, f"a mapping of {key.words} to {entry.words}")
 
 
 def _is_number(value: object) -> bool:
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
-    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+    if isinstance(value, int):
+        return not isinstance(value, bool) and -_LARGEST < value < _LARGEST
+    return isinstance(value, (float, np.integer, np.floating))
 
 
 def _is_whole(value: object) -> bool:
     return hasattr(value, "__index__") and not isinstance(value, (bool, np.bool_, type)) and np.ndim(value) == 0  # type: ignore[arg-type]
+
+
+_LARGEST = int(sys.float_info.max)
 
 
 def _are_numbers(value: object) -> bool:
@@ -258,14 +281,15 @@ def _are_numbers(value: object) -> bool:
         return False
 
 
-ANY = Kind(lambda _: True, "anything")
-NUMBERS = Kind(_are_numbers, "an array of numbers")
-FUNCTION = Kind(callable, "a function", early=True)
-_SIMPLE: dict[object, Kind] = {
-    bool: Kind(lambda value: isinstance(value, (bool, np.bool_)), "True or False", early=True),
-    int: Kind(_is_whole, "a whole number", early=True),
-    float: Kind(_is_number, "a number", early=True),
-    str: Kind(lambda value: isinstance(value, str), "a word"),
-    None: Kind(lambda value: value is None, "None", early=True),
-    type(None): Kind(lambda value: value is None, "None", early=True),
+ANY = Asked(lambda _: True, "anything")
+NUMBERS = Asked(_are_numbers, "numbers")
+ARRAY = Asked(lambda value: isinstance(value, (np.ndarray, list, tuple)) and _are_numbers(value), "an array of numbers")
+FUNCTION = Asked(callable, "a function", early=True)
+_SIMPLE: dict[object, Asked] = {
+    bool: Asked(lambda value: isinstance(value, (bool, np.bool_)), "True or False", early=True),
+    int: Asked(_is_whole, "a whole number", early=True),
+    float: Asked(_is_number, "a number", early=True),
+    str: Asked(lambda value: isinstance(value, str), "a word"),
+    None: Asked(lambda value: value is None, "None", early=True),
+    type(None): Asked(lambda value: value is None, "None", early=True),
 }

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 
-from leastaction.errors import ArgumentError
+from leastaction.errors import ArgumentError, brief
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.calls import called
 from leastaction.numerics.differences import central_differences, complex_step
 
 Derivatives = Callable[[Array, Array, Any], tuple[Any, Any]] | Literal["complex-step", "finite-differences"]
@@ -40,12 +41,15 @@ class Functions:
 
     def f(self, x: Array, u: Array, when: Any) -> Array:
         """Return the value (nx,)."""
-        return _sized("f", self._f(x, u, when), (self.nx,))
+        return _sized("f", called(self._f, "f", x, u, when), (self.nx,))
 
     def derivatives(self, x: Array, u: Array, when: Any) -> tuple[Array, Array]:
         """Return A (nx, nx) and B (nx, nu)."""
         if callable(self._derivatives):
-            A, B = self._derivatives(x, u, when)
+            found = called(self._derivatives, "derivatives", x, u, when)
+            if not isinstance(found, Sequence) or len(found) != 2:
+                raise ArgumentError(f"derivatives: the function returned {brief(repr(found))}, expected A and B.")
+            A, B = found
             nx, nu = self.nx, self.nu
             return _sized("A", A, (nx, nx)), _sized("B", B, (nx, nu))
         y = np.concatenate([x, u])
@@ -59,7 +63,7 @@ class Functions:
         """Return ``z . D2f`` (nx+nu, nx+nu)."""
         n = self.nx + self.nu
         if callable(self._curvature):
-            return _sized("curvature", self._curvature(x, u, when, z), (n, n))
+            return _sized("curvature", called(self._curvature, "curvature", x, u, when, z), (n, n))
 
         def slope(y: Array) -> Array:
             return np.asarray(z @ np.hstack(self.derivatives(y[: self.nx], y[self.nx :], when)))
@@ -68,7 +72,7 @@ class Functions:
         return np.asarray(0.5 * (H + H.T))
 
     def _complex_value(self, y: Any, when: Any) -> Any:
-        value = np.asarray(self._f(y[: self.nx], y[self.nx :], when))
+        value = np.asarray(called(self._f, "f", y[: self.nx], y[self.nx :], when))
         if not np.iscomplexobj(value):
             raise ArgumentError(
                 "f: got a real result for complex arguments, so the complex step sees no derivative. "
@@ -80,7 +84,10 @@ class Functions:
 
 
 def _sized(name: str, value: Any, shape: tuple[int, ...]) -> Array:
-    array = np.asarray(value, dtype=np.float64)
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise ArgumentError(f"{name}: the function returned {brief(repr(value))}, expected numbers {shape}.") from None
     if array.shape != shape:
         raise ArgumentError(f"{name}: the function returned shape {array.shape}, expected {shape}.")
     return array

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError
+from leastaction.errors import ArgumentError, brief
 from leastaction.numerics.arrays import Array, as_array, as_places, read_only
+from leastaction.numerics.calls import called
 from leastaction.numerics.differences import central_differences, complex_step
 from leastaction.numerics.names import matching, some_names
 from leastaction.numerics.public import public
@@ -368,7 +369,7 @@ class FunctionQuantity(Quantity):
         z = self._joined(at)
         n, size = z.shape
         if self._curvature is not None:
-            given = self._curvature(*self._split(z, at.x.shape[1]), y, *self._instants(at.k))
+            given = called(self._curvature, "curvature", *self._split(z, at.x.shape[1]), y, *self._instants(at.k))
             return _shaped(given, (n, size, size), "curvature", self.names)
 
         def slope(z: Array) -> Array:
@@ -387,7 +388,7 @@ class FunctionQuantity(Quantity):
         return (k,) if self._indexed else ()
 
     def _called(self, k: Instants, z: Any, nx: int) -> Any:
-        found = np.asarray(self._values(*self._split(z, nx), *self._instants(k)))
+        found = np.asarray(called(self._values, "values", *self._split(z, nx), *self._instants(k)))
         if found.ndim == 1 and len(self.names) == 1:
             found = found[:, None]
         if found.shape != (len(z), len(self.names)):
@@ -400,7 +401,7 @@ class FunctionQuantity(Quantity):
     def _derivative(self, k: Instants, z: Array, nx: int) -> Array:
         n, size = z.shape
         if self._jacobian is not None:
-            given = self._jacobian(*self._split(z, nx), *self._instants(k))
+            given = called(self._jacobian, "jacobian", *self._split(z, nx), *self._instants(k))
             return _shaped(given, (n, len(self.names), size), "jacobian", self.names)
 
         def value(moved: Any) -> Any:
@@ -416,7 +417,10 @@ class FunctionQuantity(Quantity):
 
 
 def _shaped(value: Any, shape: tuple[int, ...], what: str, names: tuple[str, ...]) -> Array:
-    array = np.asarray(value, dtype=np.float64)
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise ArgumentError(f"limit {names[0]!r}: its {what} returned {brief(repr(value))}, expected numbers") from None
     if array.shape != shape:
         raise ArgumentError(f"limit {names[0]!r}: its {what} returned shape {array.shape}, expected {shape}")
     return array

@@ -304,7 +304,7 @@ class OptimizationResult(Frozen, Savable):
         if len(self.t) == 0:
             object.__setattr__(self, "t", np.arange(len(self.x), dtype=np.float64))
         for name, letter, values in (("state_names", "x", self.x), ("input_names", "u", self.u)):
-            if not getattr(self, name):
+            if len(getattr(self, name)) == 0:
                 object.__setattr__(self, name, tuple(f"{letter}[{i}]" for i in range(values.shape[-1])))
         for name in ("timings", "unknowns"):
             if isinstance(getattr(self, name), dict):

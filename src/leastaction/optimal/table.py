@@ -28,6 +28,7 @@ _COLUMNS = (
 )
 
 
+@public
 class PrintedTable:
     """Prints rows as they happen, under a heading; in colour on a terminal.
 

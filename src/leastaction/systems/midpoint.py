@@ -309,6 +309,8 @@ class MidpointSystem(DiscreteSystem):
 
     def f(self, x: Array, u: Array, k: int) -> Array:
         m = self.mechanism
+        if not 0 <= k < self.N:
+            raise ArgumentError(f"k: got {k}, expected a step of 0 .. {self.N - 1}")
         full, x = x, np.ascontiguousarray(x[: m.nx])
         out = self.integrator.core.roll_out(self.t[k : k + 2], x, None, u[None, :], None, first_share=self._share(k))
         if out.steps < 1:

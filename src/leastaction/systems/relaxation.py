@@ -31,6 +31,7 @@ from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.pulled import PulledSystem
 from leastaction.systems.warm_starts import warm_start
 
+_DEAREST = 1e100  # of a tension, whose square is used
 _ENOUGH = Status.CONVERGED, Status.STALLED, Status.SADDLE, Status.ITERATION_LIMIT
 
 
@@ -193,6 +194,9 @@ def by_tensions(
     """
     _check(system, cost, options)
     check_stages(stage_iterations, stage_tolerance)
+    as_number(price, "price", above=0.0, below=_DEAREST)
+    if least is not None:
+        as_number(least, "least")
     if type(cost) is not QuadraticCost:
         raise ArgumentError(f"cost: got {type(cost).__name__}, expected a QuadraticCost: lengths are left out of it")
     whole = system.mechanism

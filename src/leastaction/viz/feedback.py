@@ -88,7 +88,8 @@ def _eigenvalues(result: OptimizationResult, system: object) -> Array:
     if isinstance(system, ContinuousSystem):
         A, B = system.linearize(result.x, result.u, result.t)
     else:
-        assert isinstance(system, DiscreteSystem)
+        if not isinstance(system, DiscreteSystem):
+            raise ArgumentError(f"system: got {type(system).__name__}, expected a DiscreteSystem or a ContinuousSystem")
         A, B = system.linearize(result.x, result.u)
     return np.asarray(np.linalg.eigvals(np.asarray(A) - np.asarray(B) @ result.K[: len(A)]))
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import as_number
 from leastaction.numerics.files import write_bytes
 from leastaction.numerics.public import public
 
@@ -191,6 +192,10 @@ def save_png(figure: Figure | Sequence[Figure], path: str | os.PathLike[str], *,
     figures = list(figure) if isinstance(figure, Sequence) else [figure]
     if not figures:
         raise ArgumentError("save_png: got no figures, expected one at least")
+    for each in figures:
+        if not callable(getattr(each, "savefig", None)):
+            raise ArgumentError(f"figure: got {type(each).__name__}, expected a figure, as `plot_run` returns one")
+    as_number(dpi, "dpi", least=10.0, below=2000.0)
     buffer = io.BytesIO()
     with _style():
         if len(figures) == 1:

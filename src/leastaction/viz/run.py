@@ -92,7 +92,7 @@ def plot_run(
     if names is not None:
         selected = chosen([*states, *inputs], names, "plot_run: names")
     wanted = _wanted(reference, states, inputs, len(run.t))
-    if not limits and isinstance(run, OptimizationResult) and run.limits is not None:
+    if len(limits) == 0 and isinstance(run, OptimizationResult) and run.limits is not None:
         bounds = reported_bounds(run.limits, selected)
     else:
         bounds = stated_bounds(checked_limits(limits), [*states, *inputs])

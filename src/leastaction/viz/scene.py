@@ -13,7 +13,7 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics import Mechanism
 from leastaction.mechanics.description.shapes import Shape
 from leastaction.mechanics.elements.looks import LookKind
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, as_array, require_instance
 from leastaction.numerics.public import public
 
 _SLENDERNESS = 0.04  # radius of a bone that none was given for, by the mean length of the bones
@@ -199,6 +199,11 @@ class Scene:
 
     def __post_init__(self) -> None:
         """Check names, shapes and values."""
+        groups = (self.points, self.poses, self.ghost or {}, self.ghost_poses or {}, self.tension or {})
+        for name, given in {**dict(pair for group in groups for pair in group.items()), "t": self.t}.items():
+            require_instance(given, name, np.ndarray)
+        if self.error is not None:
+            require_instance(self.error, "error", np.ndarray)
         n = self.t.size
         if self.t.ndim != 1 or n < 1 or not np.all(np.diff(self.t) > 0.0):
             raise ArgumentError(f"t must be growing times, got shape {self.t.shape}")
@@ -304,7 +309,9 @@ def mechanism_scene(
     ArgumentError
         The arrays do not fit the mechanism or each other, or a name is no frame.
     """
-    motion = np.asarray(q, dtype=float)
+    times = as_array(t, "t", (None,))
+    shape = (len(times), mechanism.nq)
+    motion = as_array(q, "q", shape, names=mechanism.variables)
     shown = tuple(_bars(mechanism, motion) if bones is None else bones)
     lines: tuple[Bone | Cord, ...] = (*shown, *cords)
     ends = [name for line in lines for name in (line.start, line.end)]
@@ -312,21 +319,21 @@ def mechanism_scene(
     ghost = None
     if reference is not None:
         body = [name for bone in shown for name in (bone.start, bone.end)]
-        ghost = _paths(mechanism, np.asarray(reference, dtype=float), body)
+        ghost = _paths(mechanism, as_array(reference, "reference", shape, names=mechanism.variables), body)
     pulls = None
     if tension is not None:
-        array = np.asarray(tension, dtype=float)
+        array = as_array(tension, "tension", (None, None))
         if array.ndim != 2 or array.shape[1] != len(cords):
             raise ArgumentError(f"tension has shape {array.shape}, expected (N, {len(cords)})")
         pulls = {cord.name: array[:, i] for i, cord in enumerate(cords)}
     return Scene(
-        t=np.asarray(t, dtype=float),
+        t=times,
         points=points,
         bones=shown,
         cords=tuple(cords),
         ghost=ghost,
         tension=pulls,
-        error=None if error is None else np.asarray(error, dtype=float),
+        error=None if error is None else as_array(error, "error", (len(times),)),
         traces=tuple(traces),
         focus=focus,
         title=title,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, as_array, as_count, as_number
 from leastaction.numerics.public import public
 from leastaction.viz.figures import GREY, INK, PALE, PURPLE, Margins, heading, panel_grid, styled
 from leastaction.viz.scene import Scene
@@ -67,8 +67,15 @@ def plot_snapshots(
     ArgumentError
         There is no pose to draw, or a time lies outside the scene.
     """
+    as_count(count, "count", 0)
+    as_number(azimuth, "azimuth")
+    as_number(elevation, "elevation")
+    if ceiling is not None:
+        as_number(ceiling, "ceiling", above=0.0)
     moments = np.atleast_1d(
-        np.linspace(scene.t[0], scene.t[-1], max(count, 0)) if times is None else np.asarray(times, dtype=float)
+        np.linspace(scene.t[0], scene.t[-1], min(count, len(scene.t)))
+        if times is None
+        else as_array(times, "times", (None,), ())
     )
     if moments.size == 0 or moments.min() < scene.t[0] or moments.max() > scene.t[-1]:
         raise ArgumentError(

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.names import as_names
 from leastaction.numerics.public import public
 from leastaction.viz.figures import BLUE, ORANGE, Margins, at_least, heading, panel_grid, styled
 
@@ -190,7 +191,7 @@ def _rows(groups: Mapping[str, Sequence[str]], names: Sequence[str]) -> list[tup
     """Break the groups into rows of panels."""
     rows: list[tuple[str, list[str]]] = []
     for label, members in groups.items():
-        if unknown := [name for name in members if name not in names]:
+        if unknown := [name for name in as_names(members, f"groups: {label!r}", "names") if name not in names]:
             raise ArgumentError(f"group {label!r} names {', '.join(unknown)}, which are not among {', '.join(names)}")
         rows.extend(
             (label if start == 0 else "", list(members[start : start + _COLUMNS]))

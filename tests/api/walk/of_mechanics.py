@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 import leastaction as la
-from api.walk.scenes import Q, V, arm, continuous, free_arm, held, integrator, run
+from api.walk.scenes import Q, Square, V, arm, continuous, free_arm, held, integrator, run
 from api.walk.values import Call
 from leastaction import mechanics as mech
+from leastaction.mechanics import expressions as ex
 
 
 def calls() -> dict[str, Call]:
@@ -146,6 +147,28 @@ def calls() -> dict[str, Call]:
         ),
         "rx": (mech.rx, {"value": {"a": 2.0}, "offset": 0.1, "kinematic": ["a"]}),
         "var": (mech.var, {"name": "a"}),
+        "ry": (mech.ry, {"value": "x"}),
+        "rz": (mech.rz, {"value": "x"}),
+        "ty": (mech.ty, {"value": "x"}),
+        "tz": (mech.tz, {"value": "x"}),
+        "coordinate": (ex.coordinate, {"expression": ex.variable("a")}),
+        "direction": (ex.direction, {"frame": "B", "vector": "x"}),
+        "distance": (ex.distance, {"frame1": "world", "frame2": "B"}),
+        "input_": (ex.input_, {"name": "u"}),
+        "parameter": (ex.parameter, {"name": "k", "value": 2.0}),
+        "point": (ex.point, {"frame": "B"}),
+        "rate": (ex.rate, {"expression": ex.variable("a")}),
+        "speed": (ex.speed, {"name": "a"}),
+        "unit_vector": (ex.unit_vector, {"frame": "B", "vector": "x"}),
+        "variable": (ex.variable, {"name": "a"}),
+        "Mechanism": (
+            la.Mechanism,
+            {
+                "description": [mech.rx("a", name="f"), [mech.tz(-1.0, mass=1.0)]], "elements": [mech.Gravity()],
+                "dynamic": ["a"], "kinematic": (), "inputs": (),
+            },
+        ),
+        "check_function": (mech.check_function, {"function": Square(), "z": [1.0, 2.0]}),
         "world": (mech.world, {"name": "ground"}),
         "momentum_by": (mech.momentum_by, {"mechanism": m, "q": Q, "v": V, "names": ["A.mass"]}),
         "gain_to_continuous": (
@@ -193,6 +216,38 @@ def calls() -> dict[str, Call]:
             (mech.HybridWrench, {"frame": "B", "force": (0.0, 1.0, "u"), "torque": None}),
             (mech.SpatialWrench, {"frame": "B", "force": None, "torque": (0.0, 1.0, "u")}),
             (mech.Armature, {"variable": "a", "inertia": 0.1}),
+            (
+                mech.Servo,
+                {
+                    "on": "a",
+                    "input": "u",
+                    "gain": 1.0,
+                    "offset": 0.0,
+                    "stiffness": 1.0,
+                    "damping": 0.1,
+                    "gain_by_place": 0.0,
+                    "gain_by_rate": 0.0,
+                },
+            ),
+            (mech.PolynomialCoupling, {"on": "a", "of": "b", "coefficients": (0.0, 1.0, 0.5)}),
+            (mech.ExpressionConstraint, {"expression": ex.variable("a") - ex.variable("b")}),
+            (mech.ExpressionPotential, {"expression": ex.distance("world", "B") ** 2}),
+            (mech.ExpressionForce, {"expression": ex.input_("u"), "along": "a"}),
+            (mech.PythonConstraint, {"function": Square(), "points": (), "directions": (), "variables": ["a"]}),
+            (mech.PythonPotential, {"function": Square(), "points": (), "directions": (), "variables": ["a"]}),
+            (
+                mech.PythonForce,
+                {
+                    "function": Square(),
+                    "input": "u",
+                    "magnitude": None,
+                    "measured": (),
+                    "gain": 1.0,
+                    "points": (),
+                    "directions": (),
+                    "variables": ["a"],
+                },
+            ),
             (mech.Drag, {"frame": "B", "coefficient": 0.1, "exponent": 2.0, "wind": (0.0, 0.0, 0.0)}),
         )
     }

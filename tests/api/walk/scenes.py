@@ -101,6 +101,12 @@ def tied() -> la.MidpointSystem:
 
 
 @functools.cache
+def tied_run() -> la.Trajectory:
+    vi = tied().integrator
+    return vi.simulate(vi.start(held()), TIMES)
+
+
+@functools.cache
 def tied_price() -> la.QuadraticCost:
     s = tied()
     wanted = np.tile(la.MidpointVI(arm(), threads=1).start(held()).x, (s.N + 1, 1))
@@ -118,8 +124,9 @@ def tied_guess():
 @functools.cache
 def puppet() -> la.Mechanism:
     """Return a weight on a string whose length is prescribed."""
-    links = [la.ty("y"), [la.tz("z", mass=1.0, name="weight")], la.tx("string", kinematic=True)]
-    return la.Mechanism(links, [la.Gravity(), la.Distance("world", "weight", "string", name="thread")])
+    links = [la.ty("y"), [la.tz("z", mass=1.0, name="weight")]]
+    thread = la.Distance("world", "weight", "string", name="thread")
+    return la.Mechanism(links, [la.Gravity(), thread], kinematic=["string"])
 
 
 @functools.cache

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from leastaction.errors import ArgumentError, brief, unknown
 from leastaction.io.motion.motion import Motion
 from leastaction.numerics.arrays import Array, as_number
 from leastaction.numerics.public import public
@@ -110,11 +111,10 @@ class Capture:
         return int(self.values.shape[0])
 
     def index(self, name: str) -> int:
-        """Index of the joint called `name` in `joints`; `KeyError` if there is none."""
-        try:
-            return self.names.index(name)
-        except ValueError:
-            raise KeyError(name) from None
+        """Index of the joint called `name` in `joints`; raises `ArgumentError` if there is none."""
+        if name not in self.names:
+            raise unknown("joint", name, self.names, "name")
+        return self.names.index(name)
 
     def motion(self, *, unit: float = 1.0) -> Motion:
         """Return its channels as a motion of named variables, ``hips_tx``, ``knee_rx`` ...: angles in radians.
@@ -160,6 +160,8 @@ class Capture:
 
     def is_below(self, joint: int, ancestor: int) -> bool:
         """Whether `joint` hangs, directly or not, from `ancestor`."""
+        if not 0 <= joint < len(self.joints):
+            raise ArgumentError(f"joint: got {brief(joint)}, expected 0 to {len(self.joints) - 1}")
         parent = self.joints[joint].parent
         while parent >= 0:
             if parent == ancestor:

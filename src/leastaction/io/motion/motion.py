@@ -31,6 +31,9 @@ def count_steps(duration: float, dt: float) -> int:
     return round(steps)
 
 
+_LONGEST = 1e6  # s, of what is put before a motion
+
+
 @public
 @dataclass(frozen=True, eq=False)
 class Motion(Savable):
@@ -213,6 +216,7 @@ class Motion(Savable):
         return self._warp(seconds, at_start=False)
 
     def _warp(self, seconds: float, *, at_start: bool) -> Motion:
+        seconds = as_number(seconds, "seconds")
         if not 0.0 <= seconds <= 2.0 * self.duration:
             raise ArgumentError(
                 f"seconds: got {seconds:g}, expected 0 to {2.0 * self.duration:g}, twice the duration of the motion"
@@ -248,7 +252,7 @@ class Motion(Savable):
         Motion
             Starts at the old start time; `seconds` longer.
         """
-        as_number(seconds, "seconds", above=0.0)
+        as_number(seconds, "seconds", above=0.0, below=_LONGEST)
         start = self.q[0].copy()
         if isinstance(pose, Mapping):
             for name, value in pose.items():

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ResultFileError
+from leastaction.errors import ArgumentError, ResultFileError, brief
 from leastaction.numerics.dataset import Dataset, Provenance
 from leastaction.numerics.dataset.archive import read_archive, write_archive
 from leastaction.numerics.dataset.plain import plain, restored
@@ -101,8 +101,19 @@ def load_record(path: str | os.PathLike[str], *kinds: type[T]) -> Record[T]:
         The file is missing, damaged, not such a file, of another format, or holds something else than the
         types of the dataclass allow.
     """
+    _check_kinds(kinds)
     source = Path(path)
     return record_of(source, parsed(source, read_archive(source)), *kinds)
+
+
+def _check_kinds(kinds: tuple[object, ...]) -> None:
+    if not kinds:
+        raise ArgumentError(
+            "kinds: got none, expected the class of what the file holds, such as load_record(path, Gap)"
+        )
+    for kind in kinds:
+        if not isinstance(kind, type) or not is_dataclass(kind):
+            raise ArgumentError(f"kinds: got {brief(repr(kind))}, expected dataclasses")
 
 
 def record_of(source: Path, dataset: Dataset, *kinds: type[T]) -> Record[T]:

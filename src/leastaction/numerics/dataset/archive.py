@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from leastaction.errors import ArgumentError, ResultFileError
 from leastaction.numerics.files import atomic_write
+from leastaction.numerics.names import check_name
 
 AnyArray = NDArray[Any]
 
@@ -44,7 +45,7 @@ def write_archive(path: str | os.PathLike[str], text: str, arrays: Mapping[str, 
     Raises `OutputError`: the file could not be written; an older file of that name is untouched. Raises
     `ArgumentError`: an array holds neither numbers nor text.
     """
-    plain = {name: np.asarray(value) for name, value in arrays.items()}
+    plain = {check_name(name, "arrays"): np.asarray(value) for name, value in arrays.items()}
     for name, array in plain.items():
         if array.dtype.kind not in _KINDS:
             raise ArgumentError(f"{name}: got an array of {array.dtype}, expected numbers or text")

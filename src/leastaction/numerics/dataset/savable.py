@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING
 from leastaction.numerics.dataset.dataset import AnyArray, Column, Dataset
 from leastaction.numerics.dataset.files import write
 from leastaction.numerics.dataset.frames import to_pandas, to_xarray
+from leastaction.numerics.public import public
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray
 
 
+@public
 class Savable(ABC):
     """What can be saved as a file and become a table: runs and results."""
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.piecewise import PiecewisePolynomial, approximate
 from leastaction.numerics.public import public
 from leastaction.optimal.accuracy import Accuracy
@@ -193,6 +193,7 @@ class ContinuousProjection:
         self, curve: DenseTrajectory, cost: ContinuousCost | None = None, *, x0: Array | None = None
     ) -> ContinuousRollout:
         """Return the trajectory (from x0, if given), with its cost if there is one."""
+        x0 = None if x0 is None else as_array(x0, "x0", (self.system.nx,))
         return roll_out(
             self.system,
             Follower(curve, self._feedback, 0.0),

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from leastaction.errors import ArgumentError, LeastActionError
-from leastaction.numerics.arrays import Array
+from leastaction.errors import LeastActionError
+from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.public import public
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
 from leastaction.optimal.system import Linearization
@@ -33,10 +33,8 @@ class ProjectionOperator:
 
     def __init__(self, system: DiscreteSystem, K: Array) -> None:
         expected = (system.N, system.nu, system.nx)
-        if K.shape != expected:
-            raise ArgumentError(f"K: got shape {K.shape}, expected {expected}, that is (N, nu, nx).")
         self.system = system
-        self.K = K
+        self.K = as_array(K, "K", expected, meaning="(N, nu, nx)")
 
     def __call__(self, xbar: Array, ubar: Array) -> Rollout:
         """Return the trajectory, or the part of it up to the step that failed."""

@@ -128,9 +128,11 @@ class Within(Limit):
     max: Value = None
     at: When = field(default=None, kw_only=True)
 
+    def __post_init__(self) -> None:
+        require_instance(self.quantity, "Within: quantity", Quantity, "FunctionQuantity makes one of a function")
+
     def rows(self, system: Horizon, first: int) -> list[Rows]:
         """Return the rows of both sides."""
-        require_instance(self.quantity, "Within: quantity", Quantity, "FunctionQuantity makes one of a function")
         least = 0.0 if self.min is None and self.max is None else self.min
         what = f"Within({self.quantity.names[0]!r})"
         rows = _bounded(system, self.quantity, least, self.max, self.at, first, what)

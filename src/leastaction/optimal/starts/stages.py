@@ -207,7 +207,8 @@ class StartStages:
             result = solve()
             if not isinstance(result, OptimizationResult):
                 raise ArgumentError(
-                    f"solve: returned {brief(repr(result))} for {name}, expected what `optimize` returns; is a return missing?"
+                    f"solve: returned {brief(repr(result))} for {name}, expected what `optimize` returns; "
+                    "is a return missing?"
                 )
         except LeastActionError as error:
             self.error = error

@@ -10,6 +10,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Final
 
+from leastaction.errors import ArgumentError
 from leastaction.numerics.files import write_text
 from leastaction.numerics.public import public
 from leastaction.viz.scene import Scene
@@ -48,6 +49,8 @@ def animation_page(scenes: Scene | Sequence[Scene], *, joints: bool = False, for
         The mesh of a shape cannot be read.
     """
     shown = (scenes,) if isinstance(scenes, Scene) else tuple(scenes)
+    if not shown:
+        raise ArgumentError("scenes: got none, expected one at least")
     data = {**page_data(staged(shown)), "joints": joints, "forces": forces}
     folder = resources.files("leastaction.viz.viewer").joinpath("page")
 

@@ -219,9 +219,8 @@ def motion_scene(
 
     wanted = None
     if reference is not None:
-        wanted = as_array(
-            np.atleast_2d(np.asarray(reference, dtype=float)), "reference", (len(t), m.nq), names=m.variables
-        )
+        given = as_array(reference, "reference", (len(t), m.nq), (m.nq,), names=m.variables)
+        wanted = as_array(np.atleast_2d(given), "reference", (len(t), m.nq), names=m.variables)
     return Scene(
         t=t,
         kinematics=kinematics(m, q[0], turn, [*frames, *held], size) if len(t) == 1 and reference is None else None,

@@ -6,18 +6,31 @@ import html
 import os
 import tempfile
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from leastaction.errors import ArgumentError
+from leastaction.errors import ArgumentError, brief
+from leastaction.numerics.arrays import as_count
 from leastaction.numerics.files import write_bytes, write_text
 from leastaction.numerics.public import public
 from leastaction.viz.scene import Scene
 from leastaction.viz.viewer.animation import animation_page
 
 _NOTEBOOK_HEIGHT: Final = 480
+
+
+def _pixels(size: tuple[int, int]) -> tuple[int, int]:
+    if not isinstance(size, Sequence) or len(size) != 2:
+        raise ArgumentError(f"size: got {brief(repr(size))}, expected width and height in pixels, such as (1200, 800)")
+    width, height = (as_count(each, "size", 1) for each in size)
+    if width * height > _MOST_PIXELS:
+        raise ArgumentError(f"size: got {width} times {height} pixels, expected at most {_MOST_PIXELS}")
+    return width, height
+
+
+_MOST_PIXELS = 10**8
 
 
 @public
@@ -102,6 +115,8 @@ class View:
         from leastaction.viz.viewer.gltf import glb
         from leastaction.viz.viewer.movies import gif, mp4, png
 
+        if size is not None:
+            size = _pixels(size)
         still, moving = size or (1200, 800), size or (720, 480)
         made: dict[str, Callable[[], bytes]] = {
             ".html": lambda: self.page().encode("utf-8"),

@@ -81,6 +81,8 @@ def check_function(
     """
     at = as_array(z, "check_derivatives: z", (None,))
     m = at.size
+    if m == 0:
+        raise ArgumentError("check_derivatives: z: got no entries, expected one at least")
     tolerance = as_number(tolerance, "check_derivatives: tolerance")
     methods = {"value": (), "gradient": (m,), "hessian": (m, m)}
     calls = {name: partial(_call, function, name, shape) for name, shape in methods.items()}
