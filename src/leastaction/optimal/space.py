@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -274,11 +275,13 @@ class DifferencedSpace(StateSpace):
         def slope(i: int, at: Array) -> Array:
             return fourth_order(lambda by: function(np.broadcast_to(by * eye[i] + at, (*shape, n))), _SECOND)
 
+        def mixed(i: int, j: int, by: float) -> Array:
+            return slope(i, by * eye[j])
+
         bent = np.empty((*shape, n, n))
         for i in range(n):
             for j in range(i, n):
-                found = fourth_order(lambda by, i=i, j=j: slope(i, by * eye[j]), _SECOND)
-                bent[..., i, j] = bent[..., j, i] = found
+                bent[..., i, j] = bent[..., j, i] = fourth_order(partial(mixed, i, j), _SECOND)
         return bent
 
 

@@ -68,5 +68,5 @@ class StepInCharts:
         moved = space.plus(self.x, y[: self.n])
         A, B = self.by(moved, u)
         J = space.difference_derivative(self.f(moved, u), self.end)
-        A = np.linalg.solve(space.difference_derivative(moved, self.x).T, A.T).T
-        return np.asarray(J @ np.concatenate([A, B], axis=1))
+        back = np.linalg.inv(space.difference_derivative(moved, self.x))
+        return np.asarray(J @ np.concatenate([A @ back, B], axis=1))
