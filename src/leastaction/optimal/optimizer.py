@@ -245,7 +245,11 @@ class Optimizer:
             self.free_start,
         )
         check_system(system, (DiscreteSystem,), ("N",))
-        of_time = {"horizon": self.horizon, "accuracy": settings.accuracy, "collocate": settings.collocate or None}
+        of_time = {
+            "horizon": self.horizon,
+            "accuracy": settings.accuracy,
+            "collocate": None if settings.collocate else False,
+        }
         for name, value in of_time.items():
             if value is not None:
                 raise ArgumentError(

@@ -64,7 +64,7 @@ class Options:
     method: str = "auto"
     regulator: str = "descent"
     shooting: str = "auto"
-    collocate: bool = False
+    collocate: bool = True
     max_iterations: int = 1000
     tolerance: float = 1e-9
     absolute_tolerance: float = 1e-14
