@@ -40,7 +40,7 @@ def roll_out(system: DiscreteSystem) -> Callable[[Any, Any], Any]:
     def array(tensor: Any) -> Any:
         return tensor.detach().cpu().numpy().astype(np.float64)
 
-    class Motion(torch.autograd.Function):  # type: ignore[misc, name-defined]
+    class DifferentiableMotion(torch.autograd.Function):  # type: ignore[misc, name-defined]
         @staticmethod
         def forward(ctx: Any, x0: Any, u: Any) -> Any:
             x = batched.states(array(x0), array(u))
@@ -53,4 +53,4 @@ def roll_out(system: DiscreteSystem) -> Callable[[Any, Any], Any]:
             by_x0, by_u = batched.pull_back(batched.slopes(*ctx.motion), array(weight))
             return tuple(torch.as_tensor(by).to(like) for by, like in zip((by_x0, by_u), ctx.kinds, strict=True))
 
-    return lambda x0, u: Motion.apply(x0, u)
+    return lambda x0, u: DifferentiableMotion.apply(x0, u)
