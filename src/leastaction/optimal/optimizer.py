@@ -246,11 +246,11 @@ class Optimizer:
             self.free_start,
         )
         check_system(system, (DiscreteSystem,), ("N",))
-        of_time = {"horizon": self.horizon, "accuracy": settings.accuracy, "collocate": settings.collocate or None}
-        for name, value in of_time.items():
-            if value is not None:
+        of_time = {"horizon": (self.horizon, None), "accuracy": (settings.accuracy, None)}
+        for name, (value, usual) in {**of_time, "collocate": (settings.collocate, True)}.items():
+            if value is not usual:
                 raise ArgumentError(
-                    f"{name}: got {value!r}, expected None: {type(system).__name__} is a discrete system, which "
+                    f"{name}: got {value!r}, expected {usual}: {type(system).__name__} is a discrete system, which "
                     "brings its times along."
                 )
         cost.check_shapes(system.N, system.nx, system.nu)
