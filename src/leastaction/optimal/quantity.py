@@ -52,6 +52,8 @@ class Quantity(ABC):
     looks_ahead: bool = False
     first: int = 0
     """The first instant at which a quantity of the state means something."""
+    by_entries: bool = False
+    """Whether derivatives are by the entries of a state (nx), whatever its space; else by its directions (ndx)."""
     says_all: bool = False
     """Whether the names say all of a bound at zero."""
 
@@ -153,6 +155,7 @@ class Entries(Quantity):
     ) -> None:
         self.names = some_names(names, "Entries: names", "names")
         self.of_state, self.kind, self.unit = of_state, kind, unit
+        self.by_entries = of_state
         self.places: Instants = as_places(columns, "columns", f"(n,): a place of each of {len(self.names)} names")
         self.places.setflags(write=False)
         n = len(self.places)
@@ -202,6 +205,7 @@ class QuantityView(Quantity):
         self.whole = whole
         self.names, self.kind, self.unit, self.first = whole.names, whole.kind, whole.unit, whole.first
         self.of_state, self.looks_ahead, self.says_all = whole.of_state, whole.looks_ahead, whole.says_all
+        self.by_entries = whole.by_entries
 
     def columns(self, nx: int, nu: int) -> Instants | None:
         return self.whole.columns(nx, nu)
@@ -354,6 +358,7 @@ class FunctionQuantity(Quantity):
         indexed: bool = False,
         unit: str = "",
     ) -> None:
+        self.by_entries = True
         self.names = some_names(names, "FunctionQuantity: names", "names")
         self.of_state, self.unit = of_state, unit
         self._values, self._jacobian, self._curvature = values, jacobian, curvature
