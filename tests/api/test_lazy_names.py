@@ -14,7 +14,7 @@ import pytest
 
 import leastaction
 
-LAZY = ("leastaction", "leastaction.mechanics", "leastaction.optimal", "leastaction.systems")
+LAZY = ("leastaction", "leastaction.control", "leastaction.mechanics", "leastaction.optimal", "leastaction.systems")
 
 
 def fresh(code: str) -> str:

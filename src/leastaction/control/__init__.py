@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 from leastaction._names import lazily
 
 if TYPE_CHECKING:
+    from leastaction.control.bands import LoopBands, monte_carlo
     from leastaction.control.closed_loop import ClosedLoop, close_loop
     from leastaction.control.gains import SteadyGain, lqe, lqr
     from leastaction.control.kalman import Estimate, KalmanFilter
     from leastaction.control.many import ManyRuns, simulate_many
-    from leastaction.control.monte_carlo import LoopBands, monte_carlo
     from leastaction.control.predictive import MPC, PredictiveInfo
     from leastaction.control.sweeps import Failed, optimize_many, sweep
 else:
@@ -22,7 +22,7 @@ else:
             "leastaction.control.gains": "SteadyGain lqe lqr",
             "leastaction.control.kalman": "Estimate KalmanFilter",
             "leastaction.control.many": "ManyRuns simulate_many",
-            "leastaction.control.monte_carlo": "LoopBands monte_carlo",
+            "leastaction.control.bands": "LoopBands monte_carlo",
             "leastaction.control.predictive": "MPC PredictiveInfo",
             "leastaction.control.sweeps": "Failed optimize_many sweep",
         },

@@ -21,6 +21,7 @@ from leastaction.control.predictive import MPC
 from leastaction.control.readings import Measured, Readings, Spread, covariance
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, read_only
+from leastaction.numerics.public import public
 from leastaction.numerics.signals import StateLaw, takes_state
 
 Disturbance = Spread | Callable[[float, Array], ArrayLike] | None
@@ -29,6 +30,7 @@ Disturbance = Spread | Callable[[float, Array], ArrayLike] | None
 _MULTIPLE = 1e-6  # of a step by which a delay may be off a multiple
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
     """What happened in a closed loop.
@@ -74,6 +76,7 @@ class ClosedLoop:
         raise ArgumentError(f"{name!r}: got a name of neither state nor input")
 
 
+@public
 def close_loop(
     plant: object,
     controller: MPC | StateLaw,

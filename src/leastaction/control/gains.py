@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.public import public
 from leastaction.optimal.continuous.linear_quadratic import steady_state_regulator
 from leastaction.optimal.cost import matrix_of
 
@@ -26,6 +27,7 @@ class SteadyGain(NamedTuple):
     poles: np.ndarray[tuple[int], np.dtype[np.complex128]]
 
 
+@public
 def lqr(
     A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, dt: float | None = None, S: ArrayLike | None = None
 ) -> SteadyGain:
@@ -57,6 +59,7 @@ def lqr(
     return SteadyGain(K, P, np.linalg.eigvals(np.asarray(A) - np.asarray(B) @ K).astype(np.complex128))
 
 
+@public
 def lqe(A: ArrayLike, C: ArrayLike, W: ArrayLike, V: ArrayLike, *, dt: float | None = None) -> SteadyGain:
     """Return the steady observer (Kalman's) of a linear system under noise.
 

@@ -21,11 +21,13 @@ from numpy.typing import ArrayLike
 from leastaction.control.readings import Measured, Readings, Spread, covariance, step_of
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_choice, read_only, require_instance
+from leastaction.numerics.public import public
 from leastaction.optimal.discrete.system import DiscreteSystem
 
 FilterKind = Literal["extended", "unscented"]
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Estimate:
     """States by readings, over a whole record.
@@ -76,6 +78,7 @@ class Estimate:
         return x, P
 
 
+@public
 class KalmanFilter:
     """A Kalman filter along the linearisations of a system. It goes forward in time: not for several threads.
 

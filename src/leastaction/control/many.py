@@ -18,10 +18,12 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError, LeastActionError, unknown
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.numerics.arrays import Array, as_array, as_count, as_times, read_only, require_instance
+from leastaction.numerics.public import public
 
 _BLOCKS = 4  # of instances to each thread, so that none waits long for another
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class ManyRuns:
     """Many motions of one mechanism.
@@ -55,6 +57,7 @@ class ManyRuns:
         return not self.failures
 
 
+@public
 def simulate_many(
     integrator: MidpointVI,
     x0: ArrayLike,

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from leastaction.control.interior import InteriorProgram, WindowModel
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, read_only, require_instance
+from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost, QuadraticCost
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limits.cost import LimitedCost
@@ -37,6 +38,7 @@ _MOST = 15  # iterations of a quadratic problem
 _LEAST = 1e-3  # of a cost that counts as one
 
 
+@public
 @dataclass(frozen=True)
 class PredictiveInfo:
     """What the last call of a predictive controller did.
@@ -74,6 +76,7 @@ class PredictiveInfo:
     message: str = ""
 
 
+@public
 class MPC:
     """A predictive controller: ``u = mpc(x, t)``. It remembers its plan: not for several threads.
 
@@ -165,7 +168,7 @@ class MPC:
 
     # ---- The call ---------------------------------------------------------------------------------
 
-    def __call__(self, x: ArrayLike, t: float) -> Array:
+    def __call__(self, x: ArrayLike, t: ArrayLike) -> Array:
         """Return the input (nu,) for the state x (nx,) at a time t (s).
 
         As a law of a simulation it is called ``(t, x)``, which it tells apart.

@@ -18,11 +18,14 @@ from leastaction.errors import ArgumentError, LeastActionError, SweepError
 from leastaction.numerics.arrays import as_count
 from leastaction.numerics.extras import extra
 from leastaction.numerics.files import prepare_output_folder, write_bytes
+from leastaction.numerics.public import public
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.optimization import optimize
+from leastaction.optimal.options import check_settings
 
 
+@public
 @dataclass(frozen=True)
 class Failed:
     """What stands in the place of the result of a task that failed. ``error``: what it raised, in words."""
@@ -33,6 +36,7 @@ class Failed:
         return False
 
 
+@public
 def sweep(
     task: Callable[[Any], Any],
     values: Sequence[Any],
@@ -96,6 +100,7 @@ def sweep(
     return [done[i] for i in range(len(given))]
 
 
+@public
 def optimize_many(
     system: DiscreteSystem | ContinuousSystem,
     cost: Any,
@@ -131,6 +136,7 @@ def optimize_many(
     """
     if not isinstance(system, (DiscreteSystem, ContinuousSystem)):
         raise ArgumentError(f"system: got {type(system).__name__}, expected a discrete or a continuous system")
+    check_settings(settings)
     return sweep(_Optimization(system, cost, settings), starts, workers=workers, keep=keep, progress=progress)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, get_args
 
@@ -112,3 +112,11 @@ class Options:
             if name not in names:
                 raise KeywordError(name, names)
         return replace(self, **settings)
+
+
+_OF_THE_PROBLEM = ("horizon", "limits", "free_start", "unknowns", "resume", "options", "callback")
+
+
+def check_settings(settings: Mapping[str, Any]) -> None:
+    """Complain about settings that are passed on to `optimize`, before anything is computed."""
+    Options().changed(**{name: value for name, value in settings.items() if name not in _OF_THE_PROBLEM})

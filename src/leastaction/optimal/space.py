@@ -25,6 +25,7 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics import rotations
 from leastaction.numerics.arrays import Array, as_count
 from leastaction.numerics.differences import fourth_order
+from leastaction.numerics.public import public
 
 Pattern = npt.NDArray[np.bool_]
 
@@ -76,6 +77,7 @@ class StateSpace(ABC):
         """Raise an `ArgumentError` for states (..., nx) that are none of the space; `what` they are, in messages."""
 
 
+@public
 class Vectors(StateSpace):
     """Plain vectors: subtracted and added. ``n``: their numbers."""
 
@@ -105,6 +107,7 @@ class Vectors(StateSpace):
         return np.eye(self.nx, dtype=np.bool_)
 
 
+@public
 class Rotations(StateSpace):
     """Rotations as unit quaternions ``[w, x, y, z]``, moved in their own axes: ``plus(q, phi) = q exp(phi)``.
 
@@ -146,6 +149,7 @@ class Rotations(StateSpace):
             )
 
 
+@public
 class ProductSpace(StateSpace):
     """States of parts: those of the first space, then those of the second, and so on.
 

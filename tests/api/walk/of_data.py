@@ -10,13 +10,13 @@ import numpy as np
 import leastaction as la
 from api.walk.scenes import continuous, followed, found, integrator, run, steps
 from api.walk.values import Call
-from leastaction import viz
+from leastaction import optimal, viz
 
 
 def calls() -> dict[str, Call]:
     """Return a class and the fields of an object of it, by name."""
     played = la.play(steps(), found(), la.Rig(delay=0.0, substeps=1))
-    started = la.receding_horizon(steps(), _price(), initial=(found().x[0], found().u), window=3, max_iterations=1)
+    started = optimal.receding_horizon(steps(), _price(), initial=(found().x[0], found().u), window=3, max_iterations=1)
     errors = viz.tracking_errors(np.zeros((6, 2)), np.ones((6, 2)), ["a", "b"])
     mark = viz.JointMark(name="j", kind="hinge", frame="a", point=np.zeros(3), axis=np.array([0.0, 0.0, 1.0]))
     made: list[Any] = [

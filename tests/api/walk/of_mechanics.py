@@ -19,7 +19,7 @@ def calls() -> dict[str, Call]:
     m, vi, arm2 = free_arm(), integrator(), arm()
     start, dynamics = vi.start(Q), mech.ContinuousDynamics(m)
     tape = mech.TapeMeasure(m, ["world", "B"])
-    curve = la.Curve([0.0, 1.0, 2.0], [0.0, 1.0, 3.0])
+    curve = mech.Curve([0.0, 1.0, 2.0], [0.0, 1.0, 3.0])
     q3 = held()
     of_mechanism = {
         f"Mechanism.{name}": (getattr(m, name), arguments)
@@ -123,10 +123,12 @@ def calls() -> dict[str, Call]:
             {"mass": 1.0, "com": [0.0, 0.0, 0.1], "inertia": [1.0, 1.0, 1.0], "allow_nonphysical": False},
         ),
         "Curve": (
-            la.Curve,
+            mech.Curve,
             {"x": [0.0, 1.0, 2.0], "y": [0.0, 1.0, 3.0], "slopes": None, "curvatures": None, "between": "smooth"},
         ),
-        "Curve.from_function": (la.Curve.from_function, {"function": np.tanh, "start": -1.0, "end": 1.0, "pieces": 8}),
+        "Curve.from_function": (
+            mech.Curve.from_function, {"function": np.tanh, "start": -1.0, "end": 1.0, "pieces": 8},
+        ),
         "tx": (mech.tx, {"value": "x", "mass": 1.0, "com": [0.0, 0.0, 0.0], "inertia": None, "name": "f"}),
         "revolute": (mech.revolute, {"value": "x", "axis": [0.0, 0.0, 1.0], "point": [0.0, 1.0, 0.0]}),
         "prismatic": (mech.prismatic, {"value": "x", "axis": [0.0, 0.0, 1.0]}),
@@ -209,7 +211,7 @@ def calls() -> dict[str, Call]:
             (mech.LinearMotor, {"frame1": "world", "frame2": "B", "input": "u", "gain": 1.0}),
             (mech.Motor, {"frame1": "world", "frame2": "B", "input": "u", "axis": "x", "gain": 1.0}),
             (mech.NonlinearDamping, {"on": "a", "coefficients": [0.1, 0.2]}),
-            (mech.NonlinearSpring, {"on": "a", "force": la.Curve([0.0, 1.0], [0.0, 1.0])}),
+            (mech.NonlinearSpring, {"on": "a", "force": mech.Curve([0.0, 1.0], [0.0, 1.0])}),
             (mech.TorsionalSpring, {"frame1": "A", "frame2": "B", "stiffness": 1.0, "axis": "x", "rest": 0.1}),
             (mech.PrescribedPath, {"frame": "B", "x": None, "y": "y", "z": "z"}),
             (mech.Coupling, {"factors": {"a": 1.0, "b": -2.0}, "offset": 0.1}),

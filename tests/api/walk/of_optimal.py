@@ -34,6 +34,7 @@ from api.walk.scenes import (
     tied_price,
 )
 from api.walk.values import Call
+from leastaction import mechanics as mech
 from leastaction import optimal, systems
 from leastaction.optimal import continuous
 
@@ -97,11 +98,11 @@ def calls() -> dict[str, Call]:
             },
         ),
         "PlaceCost": (
-            la.PlaceCost,
+            systems.PlaceCost,
             {"cost": price(), "system": steps(), "places": {"B": [0.0, 0.0, 1.0]}, "weights": {"B": 1.0}},
         ),
         "SmoothCost": (
-            la.SmoothCost, {"cost": tied_price(), "system": tied(), "accelerations": {"hook": 1.0}},
+            systems.SmoothCost, {"cost": tied_price(), "system": tied(), "accelerations": {"hook": 1.0}},
         ),
         "HelpedCost": (optimal.HelpedCost, {"cost": price(), "columns": np.array([0]), "price": np.array([2.0])}),
         "WindowCost": (optimal.WindowCost, {"cost": price(), "start": 1, "stop": 3, "N": 5, "nu": 1}),
@@ -122,35 +123,35 @@ def calls() -> dict[str, Call]:
             "names": "a", "value": 0.3, "of": "state", "at": "end",
         }),
         "Within": (lambda **given: limited(la.Within(**given)), {
-            "quantity": la.FunctionQuantity("height", height), "min": -5.0, "max": 5.0, "at": None,
+            "quantity": optimal.FunctionQuantity("height", height), "min": -5.0, "max": 5.0, "at": None,
         }),
-        "Keep": (lambda **given: limited(la.Keep(**given)), {
-            "frame": "B", "inside": la.Ball((0.0, 0.0, 0.0), 3.0), "outside": None, "point": (0.0, 0.0, 0.0),
+        "Keep": (lambda **given: limited(systems.Keep(**given)), {
+            "frame": "B", "inside": systems.Ball((0.0, 0.0, 0.0), 3.0), "outside": None, "point": (0.0, 0.0, 0.0),
             "origin": None, "at": None,
         }),
-        "Periodic": (lambda **given: limited(la.Periodic(**given), free_start=True), {
+        "Periodic": (lambda **given: limited(optimal.Periodic(**given), free_start=True), {
             "names": ["a"], "offset": {"a": 0.1}, "modulo": {},
         }),
-        "Ball": (lambda **given: limited(la.Keep("B", inside=la.Ball(**given))), {
+        "Ball": (lambda **given: limited(systems.Keep("B", inside=systems.Ball(**given))), {
             "center": (0.0, 0.0, 0.0), "radius": 3.0,
         }),
-        "Box": (lambda **given: limited(la.Keep("B", inside=la.Box(**given))), {
+        "Box": (lambda **given: limited(systems.Keep("B", inside=systems.Box(**given))), {
             "low": (-5.0, -5.0, -5.0), "high": (5.0, 5.0, 5.0),
         }),
-        "HalfSpace": (lambda **given: limited(la.Keep("B", inside=la.HalfSpace(**given))), {
+        "HalfSpace": (lambda **given: limited(systems.Keep("B", inside=systems.HalfSpace(**given))), {
             "normal": (0.0, 0.0, 1.0), "offset": -5.0,
         }),
-        "FunctionQuantity": (lambda **given: limited(la.Within(la.FunctionQuantity(**given), max=5.0)), {
+        "FunctionQuantity": (lambda **given: limited(la.Within(optimal.FunctionQuantity(**given), max=5.0)), {
             "names": "height", "values": height, "of_state": True, "jacobian": None, "curvature": None,
             "indexed": False, "unit": "m",
         }),
         "Entries": (lambda **given: limited(la.Within(optimal.Entries(**given), max=5.0)), {
             "names": ["first"], "columns": [0], "of_state": True, "factors": 1.0, "kind": "state", "unit": "",
         }),
-        "FinalTime": (la.FinalTime, {
+        "FinalTime": (optimal.FinalTime, {
             "min": 0.5, "max": 2.0, "guess": 1.0, "price": 1.0, "weight": 0.0, "wanted": None,
         }),
-        "Parameter": (la.Parameter, {
+        "Parameter": (optimal.Parameter, {
             "name": "A.mass", "min": 0.5, "max": 2.0, "guess": 1.0, "price": 0.0, "weight": 0.1, "wanted": 1.0,
         }),
     }  # fmt: skip
@@ -192,14 +193,14 @@ def calls() -> dict[str, Call]:
         "Options.changed": (optimal.Options().changed, options),
         "Accuracy": (optimal.Accuracy, {"solver": "DOP853", "rtol": 1e-9, "atol": 1e-11, "max_steps": 1000}),
         "coarse_to_fine": (
-            la.coarse_to_fine,
+            optimal.coarse_to_fine,
             {
                 "build": build, "t": np.linspace(0.0, 0.4, 9), "initial": (guess()[0], np.zeros((8, 1))),
                 "factors": (2, 1), "transfer": None, "resume": None, "callback": None, "max_iterations": 1,
             },
         ),
         "continuation": (
-            la.continuation,
+            optimal.continuation,
             {
                 "solve": solve, "values": [1.0, 2.0], "scale": "linear", "name": "weight", "accept": None,
                 "done": None, "note": None, "easy": 10, "least_step": 0.1, "max_stages": 3, "resume": None,
@@ -207,7 +208,7 @@ def calls() -> dict[str, Call]:
             },
         ),
         "receding_horizon": (
-            la.receding_horizon,
+            optimal.receding_horizon,
             {
                 "system": line(), "cost": line_price(), "initial": start, "window": 3, "keep": 1, "cost_of": None,
                 "resume": None, "callback": None, "max_iterations": 1,
@@ -222,7 +223,7 @@ def calls() -> dict[str, Call]:
             la.regulate, {"A": A_STEPS, "B": B_STEPS, "Q": np.eye(2), "R": np.eye(1), "Q_final": np.eye(2)},
         ),
         "steady_state_regulator": (
-            la.steady_state_regulator, {"A": A, "B": B, "Q": np.eye(2), "R": np.eye(1), "S": None, "dt": 0.1},
+            optimal.steady_state_regulator, {"A": A, "B": B, "Q": np.eye(2), "R": np.eye(1), "S": None, "dt": 0.1},
         ),
         "regulate_continuous": (
             la.regulate_continuous,
@@ -270,6 +271,8 @@ def calls() -> dict[str, Call]:
         ),
     }  # fmt: skip
     made: dict[str, Call] = {
+        "Vectors": (optimal.Vectors, {"n": 3}),
+        "ProductSpace": (lambda first: optimal.ProductSpace(first), {"first": optimal.Vectors(2)}),
         "LinearSystem": (optimal.LinearSystem, {"A": A, "B": B, "c": [0.0, 0.0], "N": 5}),
         "LinearContinuousSystem": (optimal.LinearContinuousSystem, {"A": A, "B": B, "c": [0.0, 0.0]}),
         "FunctionSystem": (
@@ -326,7 +329,7 @@ def calls() -> dict[str, Call]:
             {"curve": flow_found().dense, "cost": flow_price(), "x0": np.array([0.5, 0.0])},
         ),
         "IterationTable": (la.IterationTable, {"file": io.StringIO(), "then": None}),
-        "StageTable": (la.StageTable, {"file": io.StringIO(), "then": None}),
+        "StageTable": (optimal.StageTable, {"file": io.StringIO(), "then": None}),
         "OptimizationResult.__getitem__": (found().__getitem__, {"name": "a"}),
         "ContinuousOptimizationResult.__getitem__": (flow_found().__getitem__, {"name": "x[0]"}),
         "LimitReport.__getitem__": (found().limits.__getitem__, {"label": "u <= max"}),
@@ -355,11 +358,11 @@ def calls() -> dict[str, Call]:
         "Rig.machine": (la.Rig().machine, {"mechanism": arm()}),
         "Rig.model": (la.Rig().model, {"mechanism": arm()}),
         "Feedback": (
-            lambda **given: integrator().simulate(integrator().start(Q), TIMES, inputs=la.Feedback(**given)),
+            lambda **given: integrator().simulate(integrator().start(Q), TIMES, inputs=mech.Feedback(**given)),
             {"K": np.ones((1, 4)), "xbar": np.zeros(4), "ubar": np.zeros(1)},
         ),
         "Feedback.__call__": (
-            la.Feedback(np.ones((1, 4)), np.zeros(4), np.zeros(1)).__call__, {"t": 0.0, "x": np.zeros(4)},
+            mech.Feedback(np.ones((1, 4)), np.zeros(4), np.zeros(1)).__call__, {"t": 0.0, "x": np.zeros(4)},
         ),
         "play": (
             la.play,
@@ -378,7 +381,7 @@ def calls() -> dict[str, Call]:
         ),
         "Followed.__getitem__": (followed().__getitem__, {"name": "a"}),
         "embed": (
-            la.embed,
+            systems.embed,
             {
                 "system": steps(), "cost": price(), "initial": guess(), "help": None, "scale": None, "price": 1.0,
                 "tolerance": 1e-3, "stage_iterations": 1, "stage_tolerance": 0.01, "max_stages": 1, "resume": None,
@@ -386,7 +389,7 @@ def calls() -> dict[str, Call]:
             },
         ),
         "relax": (
-            la.relax,
+            systems.relax,
             {
                 "system": tied(), "cost": tied_price(), "initial": tied_guess(), "constraints": ["bar"],
                 "stiffness": (10.0, 100.0), "tolerance": 1e-3, "stage_iterations": 1, "stage_tolerance": 1e-3,
@@ -394,7 +397,7 @@ def calls() -> dict[str, Call]:
             },
         ),
         "by_tensions": (
-            la.by_tensions,
+            systems.by_tensions,
             {
                 "system": hung(), "cost": hung_price(), "initial": hung_guess(), "price": 1e-4, "least": None,
                 "stage_iterations": 1, "stage_tolerance": 1e-3, "callback": None, "max_iterations": 1,
@@ -409,14 +412,14 @@ def calls() -> dict[str, Call]:
             {"what": steps(), "at": found().x, "arguments": found().u, "tolerance": 1e-5},
         ),
         "PrescribedMotion.through": (
-            la.PrescribedMotion.through, {"t": np.arange(8.0), "rho": np.arange(8.0)[:, None] ** 2, "degree": 5},
+            mech.PrescribedMotion.through, {"t": np.arange(8.0), "rho": np.arange(8.0)[:, None] ** 2, "degree": 5},
         ),
         "PrescribedMotion": (
-            la.PrescribedMotion,
+            mech.PrescribedMotion,
             {"value": lambda t: [t], "velocity": lambda t: [1.0], "acceleration": lambda t: [0.0]},
         ),
         "PrescribedMotion.from_spline": (
-            la.PrescribedMotion.from_spline, {"spline": optimal.PiecewisePolynomial.through(TIMES, TIMES[:, None])},
+            mech.PrescribedMotion.from_spline, {"spline": optimal.PiecewisePolynomial.through(TIMES, TIMES[:, None])},
         ),
         "MidpointSystem.f": (steps().f, {"x": np.array([*Q, *V]), "u": np.zeros(1), "k": 0}),
         "MidpointSystem.linearize": (steps().linearize, {"x": found().x, "u": found().u}),

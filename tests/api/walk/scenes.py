@@ -8,7 +8,7 @@ import numpy as np
 
 import leastaction as la
 from leastaction import mechanics as mech
-from leastaction import optimal
+from leastaction import optimal, systems
 from leastaction.optimal import continuous as continuous_costs
 
 Q, V = [0.3, 0.8], [0.1, 0.2]
@@ -50,7 +50,7 @@ def continuous() -> mech.ContinuousTrajectory:
     return mech.simulate(free_arm(), [0.3, 0.8], None, np.linspace(0.0, 0.1, 6))
 
 
-class Square(la.PythonFunction):
+class Square(mech.PythonFunction):
     """``z[0]^2``, a user's own function."""
 
     def value(self, z):
@@ -125,7 +125,7 @@ def tied_guess():
 def puppet() -> la.Mechanism:
     """Return a weight on a string whose length is prescribed."""
     links = [la.ty("y"), [la.tz("z", mass=1.0, name="weight")]]
-    thread = la.Distance("world", "weight", "string", name="thread")
+    thread = mech.Distance("world", "weight", "string", name="thread")
     return la.Mechanism(links, [la.Gravity(), thread], kinematic=["string"])
 
 
@@ -175,5 +175,5 @@ def line_price() -> la.QuadraticCost:
 
 
 @functools.cache
-def followed() -> la.Followed:
+def followed() -> systems.Followed:
     return la.follow(free_arm(), {"a": 0.3 + TIMES}, {"a": 10.0}, t=TIMES, tolerance=1e-3)

@@ -17,7 +17,7 @@ from leastaction.numerics.public import public
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limits.limit import checked_limits
 from leastaction.optimal.limits.rows import check_agreement
-from leastaction.optimal.options import Options
+from leastaction.optimal.options import check_settings
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.table import PrintedTable
 from leastaction.optimal.unknowns.periodic import Periodic
@@ -137,10 +137,7 @@ def check_options(options: Mapping[str, object], of: str) -> None:
     for name in ("initial", "horizon"):
         if name in options:
             raise ArgumentError(f"{name}: cannot be an option for {of}")
-    Options().changed(**{name: value for name, value in options.items() if name not in _OF_THE_PROBLEM})
-
-
-_OF_THE_PROBLEM = ("limits", "free_start", "unknowns", "resume", "options", "callback")
+    check_settings(options)
 
 
 def check_stages(iterations: int, tolerance: float) -> None:

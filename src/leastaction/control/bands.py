@@ -13,11 +13,13 @@ from leastaction.control.closed_loop import ClosedLoop
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_count, read_only
 from leastaction.numerics.extras import extra
+from leastaction.numerics.public import public
 
 LoopRun = Callable[[np.random.Generator], ClosedLoop]
 """One run of a loop, in which whatever is drawn is drawn from the generator given."""
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class LoopBands:
     """Many runs of a closed loop.
@@ -87,6 +89,7 @@ class LoopBands:
         return axes[0].figure
 
 
+@public
 def monte_carlo(
     run: LoopRun, runs: int, *, seed: int = 0, progress: Callable[[int, int], None] | None = None
 ) -> LoopBands:
