@@ -8,6 +8,7 @@ from leastaction.optimal import (
     Cost,
     CostGradient,
     CostHessian,
+    FunctionCost,
     QuadraticCost,
     RateGradient,
     RateHessian,
@@ -16,7 +17,7 @@ from leastaction.systems import PlaceCost, SmoothCost
 
 __all__ = [  # noqa: RUF022 - by topics
     # In discrete time
-    "PlaceCost", "QuadraticCost", "SmoothCost",
+    "FunctionCost", "PlaceCost", "QuadraticCost", "SmoothCost",
     # In continuous time
     "ContinuousQuadraticCost",
     # Of one's own

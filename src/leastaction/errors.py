@@ -255,7 +255,7 @@ class UnitWarning(UserWarning):
     """A number looks as if it were in another unit, such as an angle in degrees."""
 
 
-def closest(name: object, known: Iterable[str], *, what: str) -> str:
+def closest(name: object, known: Iterable[object], *, what: str) -> str:
     """Return the end of an "unknown name" message: close matches to what was given, or the names that exist.
 
     One sentence, such as ``"did you mean 'theta'?"`` or ``"the frames are 'a', 'b'"``. ``what``: their kind in the

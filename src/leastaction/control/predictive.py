@@ -147,7 +147,7 @@ class MPC:
         self.horizon, self.whole = N, system
         if not callable(cost):
             require_instance(cost, "cost", Cost, "such as a QuadraticCost, or a function of the time that returns one")
-        self.cost = cost
+        self.cost = cost.over(system.N) if isinstance(cost, Cost) else cost
         self.limits = checked_limits(limits)
         self.iterations = as_count(iterations, "iterations", 1)
         self.budget = None if budget is None else as_number(budget, "budget (s)", above=0.0)
@@ -274,7 +274,7 @@ class MPC:
         if not isinstance(cost, Cost):
             found = cost(at)
             require_instance(found, "cost(t)", Cost, "such as a QuadraticCost")
-            return found
+            return found.over(self.horizon)
         whole, N = self.whole, self.horizon
         if whole.N == N:
             return cost

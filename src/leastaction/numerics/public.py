@@ -68,7 +68,7 @@ def public(it: T) -> T:
 
 def called_publicly(function: Callable[..., Any]) -> _Signature:
     """Return what is known of the arguments of something public."""
-    return _Signature(inspect.unwrap(function.__init__ if inspect.isclass(function) else function))  # type: ignore[misc]
+    return _Signature(inspect.unwrap(function.__init__ if inspect.isclass(function) else function))
 
 
 def _describes(it: Any) -> bool:
@@ -201,7 +201,7 @@ def resolved(annotation: object, function: Callable[..., Any]) -> object:
 
 def kind_of(annotation: object, function: Callable[..., Any]) -> Asked:
     """Return what an annotation of a function asks for."""
-    it = resolved(annotation, function)
+    it: Any = resolved(annotation, function)
     simple = _SIMPLE.get(it) if it.__hash__ is not None else None
     if simple:
         return simple
@@ -221,7 +221,7 @@ def kind_of(annotation: object, function: Callable[..., Any]) -> Asked:
     it = origin or it
     if not inspect.isclass(it) or getattr(it, "_is_protocol", False) or it.__module__ == "typing":
         return ANY
-    if it is Callable or it.__name__ == "Callable":
+    if it.__name__ == "Callable":
         return FUNCTION
     if issubclass(it, Mapping):
         return _mapping_of(*(kind_of(each, function) for each in arguments or (Any, Any)))

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     )
     from leastaction.optimal.discrete.controllability import Controllability, ControllabilityWindow, controllability
     from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient, QuadraticCost, WindowCost
+    from leastaction.optimal.discrete.function_cost import FunctionCost
     from leastaction.optimal.discrete.function_system import FunctionSystem, LinearSystem
     from leastaction.optimal.discrete.hessians import CostHessian, HessianPart, ModelHessian
     from leastaction.optimal.discrete.linear_quadratic import (
@@ -78,6 +79,7 @@ else:
             ),
             "leastaction.optimal.discrete.controllability": "Controllability ControllabilityWindow controllability",
             "leastaction.optimal.discrete.cost": "AddedCost Cost CostGradient QuadraticCost WindowCost",
+            "leastaction.optimal.discrete.function_cost": "FunctionCost",
             "leastaction.optimal.discrete.function_system": "FunctionSystem LinearSystem",
             "leastaction.optimal.discrete.hessians": "CostHessian HessianPart ModelHessian",
             "leastaction.optimal.discrete.linear_quadratic": (
@@ -112,7 +114,8 @@ __all__ = [
     "ContinuousOptimizationResult", "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout",
     "ContinuousSystem", "Controllability", "ControllabilityWindow", "Cost", "CostAlong", "CostGradient",
     "CostHessian", "DenseTrajectory", "DerivativeReport", "DiscreteSystem", "Entries", "Equal", "FinalTime",
-    "FunctionContinuousSystem", "FunctionQuantity", "FunctionSystem", "HelpedCost", "HessianPart", "IterationRecord",
+    "FunctionContinuousSystem", "FunctionCost", "FunctionQuantity", "FunctionSystem", "HelpedCost", "HessianPart",
+    "IterationRecord",
     "IterationTable", "Limit", "LimitReport", "LimitState", "LinearContinuousSystem", "LinearQuadraticSolution",
     "LinearSystem", "Linearization", "Method", "ModelHessian", "OptimizationHistory", "OptimizationResult",
     "Optimizer", "Options", "Parameter", "Periodic", "PiecewisePolynomial", "PricedLimit", "PricedLimits",

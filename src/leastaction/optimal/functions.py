@@ -12,9 +12,10 @@ from leastaction.errors import ArgumentError, brief
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.calls import called
 from leastaction.numerics.differences import central_differences, complex_step
+from leastaction.numerics.tracing import TracedFunction
 
-Derivatives = Callable[[Array, Array, Any], tuple[Any, Any]] | Literal["complex-step", "finite-differences"]
-Curvature = Callable[[Array, Array, Any, Array], Any] | Literal["differences"]
+Derivatives = Callable[[Array, Array, Any], tuple[Any, Any]] | Literal["jax", "complex-step", "finite-differences"]
+Curvature = Callable[[Array, Array, Any, Array], Any] | Literal["jax", "differences"]
 
 
 class Functions:
@@ -28,12 +29,14 @@ class Functions:
     def __init__(
         self, f: Callable[[Any, Any, Any], Any], nx: int, nu: int, derivatives: Derivatives, curvature: Curvature | None
     ) -> None:
-        if isinstance(derivatives, str) and derivatives not in ("complex-step", "finite-differences"):
+        if isinstance(derivatives, str) and derivatives not in ("jax", "complex-step", "finite-differences"):
             raise ArgumentError(
-                f"derivatives: got {derivatives!r}, expected a function, 'complex-step' or 'finite-differences'."
+                f"derivatives: got {derivatives!r}, expected a function, 'jax', 'complex-step' or 'finite-differences'."
             )
-        if isinstance(curvature, str) and curvature != "differences":
-            raise ArgumentError(f"curvature: got {curvature!r}, expected a function or 'differences'.")
+        if isinstance(curvature, str) and curvature not in ("jax", "differences"):
+            raise ArgumentError(f"curvature: got {curvature!r}, expected a function, 'jax' or 'differences'.")
+        self._traced = TracedFunction(partial(_joined, f, nx)) if derivatives == "jax" else None
+        self._weighted = TracedFunction(partial(_weighted, f, nx)) if curvature == "jax" else None
         self.nx, self.nu = nx, nu
         self._f = f
         self._derivatives = derivatives
@@ -51,6 +54,8 @@ class Functions:
 
     def f(self, x: Array, u: Array, when: Any) -> Array:
         """Return the value (nx,)."""
+        if self._traced is not None:
+            return sized("f", self._traced.derivative(0, np.concatenate([x, u]), when), (self.nx,))
         return sized("f", called(self._f, "f", x, u, when), (self.nx,))
 
     def derivatives(self, x: Array, u: Array, when: Any) -> tuple[Array, Array]:
@@ -63,7 +68,9 @@ class Functions:
             nx, nu = self.nx, self.nu
             return sized("A", A, (nx, nx)), sized("B", B, (nx, nu))
         y = np.concatenate([x, u])
-        if self._derivatives == "complex-step":
+        if self._traced is not None:
+            G = sized("f", self._traced.derivative(1, y, when), (self.nx, self.nx + self.nu))
+        elif self._derivatives == "complex-step":
             G = complex_step(partial(self._complex_value, when=when), y)
         else:
             G = central_differences(lambda y: self.f(y[: self.nx], y[self.nx :], when), y)
@@ -74,6 +81,8 @@ class Functions:
         n = self.nx + self.nu
         if callable(self._curvature):
             return sized("curvature", called(self._curvature, "curvature", x, u, when, z), (n, n))
+        if self._weighted is not None:
+            return self._weighted.derivative(2, np.concatenate([x, u]), when, z)
 
         def slope(y: Array) -> Array:
             return np.asarray(z @ np.hstack(self.derivatives(y[: self.nx], y[self.nx :], when)))
@@ -91,6 +100,14 @@ class Functions:
             )
         sized("f", value.real, (self.nx,))
         return value
+
+
+def _joined(f: Callable[[Any, Any, Any], Any], nx: int, y: Any, when: Any) -> Any:
+    return f(y[:nx], y[nx:], when)
+
+
+def _weighted(f: Callable[[Any, Any, Any], Any], nx: int, y: Any, when: Any, z: Any) -> Any:
+    return z @ _joined(f, nx, y, when)
 
 
 def sized(name: str, value: Any, shape: tuple[int, ...]) -> Array:

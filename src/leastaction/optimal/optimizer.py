@@ -256,6 +256,7 @@ class Optimizer:
                     "brings its times along."
                 )
         cost.check_shapes(system.N, system.nx, system.nu)
+        cost = cost.over(system.N)
         check_space(cost, system)
         final_time = None
         if system.charts() is not None and any(isinstance(limit, Periodic) for limit in self.limits):

@@ -26,9 +26,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from leastaction.errors import ArgumentError, closest
+from leastaction.errors import ArgumentError, brief, closest
 from leastaction.numerics.arrays import Array, as_count
 from leastaction.numerics.dataset import Dataset
+from leastaction.numerics.names import as_names
 from leastaction.numerics.public import public
 from leastaction.optimal.quantity import Entries, Quantity
 from leastaction.optimal.space import DifferencedSpace, StateSpace, Vectors
@@ -118,6 +119,8 @@ class System(ABC):
     """Number of states."""
     nu: int
     """Number of inputs."""
+    entry_names: tuple[tuple[str, ...], tuple[str, ...]] | None = None
+    """Names of the entries of state and input, where they have some; else they are called by their places."""
 
     space: StateSpace | None = None
     """How states differ and move; None where they are plain vectors."""
@@ -205,7 +208,7 @@ class System(ABC):
 
     def input_name(self, i: int) -> str:
         """Return how to speak of entry i of the inputs in messages."""
-        return f"u[{i}]"
+        return self.entry_names[1][i] if self.entry_names is not None else f"u[{i}]"
 
     def unknowns_along(self, dx: Array) -> list[str]:  # noqa: ARG002 - overridden
         """Return the names of unknown numbers that a change (nx,) of an initial state changes; none by default."""
@@ -260,10 +263,34 @@ class System(ABC):
 
     def quantity(self, kind: str) -> Quantity:
         """Return the quantities of a kind, by name."""
-        count = self.nu if kind == "input" else self.nx
-        return Entries(
-            [f"{'u' if kind == 'input' else 'x'}[{i}]" for i in range(count)], range(count), of_state=kind != "input"
+        of_state = kind != "input"
+        count = self.nx if of_state else self.nu
+        if self.entry_names is not None:
+            return Entries(self.entry_names[0 if of_state else 1], range(count), of_state=of_state)
+        return Entries([f"{'x' if of_state else 'u'}[{i}]" for i in range(count)], range(count), of_state=of_state)
+
+
+def sizes_of(
+    nx: int | None, nu: int | None, names: tuple[Sequence[str], Sequence[str]] | None
+) -> tuple[int, int, tuple[tuple[str, ...], tuple[str, ...]] | None]:
+    """Return the numbers of states and inputs, and their names where there are some, or raise an `ArgumentError`."""
+    if names is None:
+        return as_count(nx, "nx", 1), as_count(nu, "nu", 1), None
+    if isinstance(names, (str, bytes)) or not isinstance(names, Sequence) or len(names) != 2:
+        raise ArgumentError(
+            f"names: got {brief(repr(names))}, expected those of the states and those of the inputs, such as "
+            "(['x', 'v'], ['push'])"
         )
+    found = tuple(
+        as_names(each, "names", f"names of {what}") for each, what in zip(names, ("states", "inputs"), strict=True)
+    )
+    twice = {name for name in (*found[0], *found[1]) if (*found[0], *found[1]).count(name) > 1}
+    if twice or not all(found):
+        raise ArgumentError(f"names: got {brief(repr(names))}, expected different names of states and of inputs")
+    for count, each, what in ((nx, found[0], "nx"), (nu, found[1], "nu")):
+        if count is not None and as_count(count, what, 1) != len(each):
+            raise ArgumentError(f"{what}: got {count} beside {len(each)} names, expected as many, or leave it out")
+    return len(found[0]), len(found[1]), (found[0], found[1])
 
 
 def space_of(where: System | StateSpace | None) -> StateSpace | None:

@@ -116,6 +116,7 @@ def embed(
     check_stages(stage_iterations, stage_tolerance)
     check_last_limits(system, options)
     m, N = system.mechanism, system.N
+    cost = cost.over(N)
     x, u = given_start(system, initial)
     limit = as_number(tolerance, "tolerance", above=0.0)
 

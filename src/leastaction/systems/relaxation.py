@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -199,6 +199,7 @@ def by_tensions(
         as_number(least, "least")
     if type(cost) is not QuadraticCost:
         raise ArgumentError(f"cost: got {type(cost).__name__}, expected a QuadraticCost: lengths are left out of it")
+    cost = cast(QuadraticCost, cost.over(system.N))
     whole = system.mechanism
     strings = _strings(whole)
     m = whole.with_exchanged({name: [force] for name, force in strings.items()})

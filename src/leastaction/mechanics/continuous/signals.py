@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, as_array, as_times, shape_of
+from leastaction.numerics.arrays import Array, as_array, as_count, as_times, shape_of
 from leastaction.numerics.frozen import own_arrays, restore_state, saved_state
 from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.numerics.public import public
@@ -66,7 +66,7 @@ class PrescribedMotion:
             are too few rows for more.
         """
         times = as_times(t)
-        if not isinstance(degree, int) or degree not in (3, 5):
+        if as_count(degree, "degree", 3) not in (3, 5):
             raise ArgumentError(f"degree: got {degree!r}, expected 3 or 5")
         rows = as_array(rho, "rho", (len(times), None))
         enough = degree == 5 and len(times) > 5

@@ -113,7 +113,7 @@ def cost_along(
     made: Problem[Any, Any, Any]
     if isinstance(system, DiscreteSystem):
         require_instance(cost, "cost", Cost, "such as a QuadraticCost")
-        made = EasedProblem(system, cast(Cost, cost), settings, False, "never")
+        made = EasedProblem(system, cast(Cost, cost).over(system.N), settings, False, "never")
         given = (initial.x, initial.u) if isinstance(initial, OptimizationResult) else initial
     else:
         require_instance(cost, "cost", ContinuousCost, "such as a ContinuousQuadraticCost")

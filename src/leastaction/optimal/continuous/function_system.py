@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, as_array, as_count, read_only
+from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.public import public
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.functions import Curvature, Derivatives, Functions
+from leastaction.optimal.system import sizes_of
 
 
 def as_dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:
@@ -70,14 +71,16 @@ class FunctionContinuousSystem(ContinuousSystem):
     f : callable
         ``f(x, u, t) -> x'``.
     nx, nu : int
-        Numbers of states and inputs.
-    derivatives : callable or "complex-step" or "finite-differences"
+        Numbers of states and inputs; where there are `names`, they may be left out.
+    derivatives : callable or "jax" or "complex-step" or "finite-differences"
         ``derivatives(x, u, t) -> (A, B)``, or how to obtain them from `f`, as in `leastaction.optimal.FunctionSystem`.
-    curvature : callable or "differences", optional
-        ``curvature(x, u, t, z) -> (nx+nu, nx+nu)``, or "differences": central differences of
+    curvature : callable or "jax" or "differences", optional
+        ``curvature(x, u, t, z) -> (nx+nu, nx+nu)``, or "jax" likewise, or "differences": central differences of
         ``z'[A B]``. Left out: Newton's method is not available.
     jumps : sequence of float, optional
         Times (s) where f jumps.
+    names : pair of sequences of str, optional
+        Names of the states and of the inputs, as in `leastaction.optimal.FunctionSystem`.
 
     Raises
     ------
@@ -89,14 +92,14 @@ class FunctionContinuousSystem(ContinuousSystem):
         self,
         f: Callable[[Any, Any, float], Any],
         *,
-        nx: int,
-        nu: int,
+        nx: int | None = None,
+        nu: int | None = None,
         derivatives: Derivatives,
         curvature: Curvature | None = None,
         jumps: Sequence[float] = (),
+        names: tuple[Sequence[str], Sequence[str]] | None = None,
     ) -> None:
-        self.nx = as_count(nx, "nx", 1)
-        self.nu = as_count(nu, "nu", 1)
+        self.nx, self.nu, self.entry_names = sizes_of(nx, nu, names)
         self.jumps = tuple(as_array(list(jumps), "jumps").ravel().tolist())
         self.has_curvature = curvature is not None
         self._functions = Functions(f, self.nx, self.nu, derivatives, curvature)

@@ -94,6 +94,10 @@ class Cost(ABC):
     def check_shapes(self, N: int, nx: int, nu: int) -> None:  # noqa: B027
         """Complain if the cost is not for N steps of nx states and nu inputs; optional."""
 
+    def over(self, N: int) -> Cost:  # noqa: ARG002 - overridden
+        """Return the cost of N steps, where it is for any number of them; itself by default."""
+        return self
+
     @property
     def wanted_states(self) -> Array | None:
         """The motion (N+1, nx) that it asks for, if there is one: `optimize` may look for gaps to close from there."""
@@ -138,10 +142,10 @@ class QuadraticCost(Cost):
 
     Parameters
     ----------
-    x_wanted : array_like (N+1, nx)
-        Wanted states. They need not be a trajectory of the system.
-    u_wanted : array_like (N, nu)
-        Wanted inputs.
+    x_wanted : array_like (N+1, nx) or (nx,)
+        Wanted states, or one for all instants. They need not be a trajectory of the system.
+    u_wanted : array_like (N, nu) or (nu,)
+        Wanted inputs, or one for all steps. Where nothing is given by steps, the cost is for any number of them.
     Q, R : array_like
         Weights: a diagonal ``(n,)`` (fastest), a matrix ``(n, n)``, a diagonal per stage
         ``(N, n)`` or ``(N, n, 1)``, or a matrix per stage ``(N, n, n)``. An array ``(n, n)`` is one matrix,
@@ -178,17 +182,25 @@ class QuadraticCost(Cost):
         self.space = space_of(space)
         self.x_wanted, self.u_wanted = owned(x_wanted, "x_wanted"), owned(u_wanted, "u_wanted")
         x_shape, u_shape = self.x_wanted.shape, self.u_wanted.shape
-        if len(x_shape) != 2 or len(u_shape) != 2 or x_shape[0] != u_shape[0] + 1 or u_shape[0] == 0:
+        counts = {
+            *({x_shape[0] - 1} if len(x_shape) == 2 else ()), *({u_shape[0]} if len(u_shape) == 2 else ()),
+            *(each.shape[0] for each in map(np.asarray, (Q, R)) if each.ndim == 3),
+        }  # fmt: skip
+        if not {len(x_shape), len(u_shape)} <= {1, 2} or len(counts) > 1 or counts == {0}:
             raise ArgumentError(
                 f"x_wanted, u_wanted: got shapes {x_shape} and {u_shape}, expected (N+1, nx) and "
-                "(N, nu): one state more than inputs."
+                "(N, nu): one state more than inputs; or (nx,) and (nu,), the same at all of them."
             )
-        N, nu = u_shape
-        nx = x_shape[1] if self.space is None else self.space.ndx
-        if self.space is not None and self.space.nx != x_shape[1]:
+        self._steps: int | None = None
+        N = counts.pop() if counts else None
+        if N is not None:
+            self._spread_over(N)
+        x_shape, nu = self.x_wanted.shape, u_shape[-1]
+        nx = x_shape[-1] if self.space is None else self.space.ndx
+        if self.space is not None and self.space.nx != x_shape[-1]:
             raise ArgumentError(f"x_wanted: got shape {x_shape}, expected (N+1, {self.space.nx}), states of the space")
         if self.space is not None:
-            self.space.check(self.x_wanted, "x_wanted")
+            self.space.check(np.atleast_2d(self.x_wanted), "x_wanted")
         self.Q = as_weight(Q, "Q", nx, stages=N, definite=False)
         self.R = as_weight(R, "R", nu, stages=N, definite=True)
         if Q_final is None:
@@ -196,10 +208,25 @@ class QuadraticCost(Cost):
         else:
             self.Q_final = as_weight(Q_final, "Q_final", nx, definite=False)
 
+    def _spread_over(self, N: int) -> None:
+        """Take constants for what is wanted at each of N steps."""
+        self.x_wanted = np.broadcast_to(self.x_wanted, (N + 1, self.x_wanted.shape[-1]))
+        self.u_wanted = np.broadcast_to(self.u_wanted, (N, self.u_wanted.shape[-1]))
+        self._steps = N
+
+    def over(self, N: int) -> Cost:
+        """Return the cost of N steps; itself where it is for a number of steps already."""
+        if self._steps is not None:
+            return self
+        found = copy(self)
+        found._spread_over(N)
+        return found
+
     def check_shapes(self, N: int, nx: int, nu: int) -> None:
+        rows = self._steps is not None
         for name, got, expected in (
-            ("x_wanted", self.x_wanted.shape, (N + 1, nx)),
-            ("u_wanted", self.u_wanted.shape, (N, nu)),
+            ("x_wanted", self.x_wanted.shape, (N + 1, nx) if rows else (nx,)),
+            ("u_wanted", self.u_wanted.shape, (N, nu) if rows else (nu,)),
         ):
             if got != expected:
                 raise ArgumentError(
@@ -209,14 +236,14 @@ class QuadraticCost(Cost):
 
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
         part = slice(start, start + len(u))
+        x_wanted, u_wanted = (w[part] if self._steps else w for w in (self.x_wanted, self.u_wanted))
         values: Array = 0.5 * (
-            _form(_stages(self.Q, part), self._off(x, self.x_wanted[part]))
-            + _form(_stages(self.R, part), u - self.u_wanted[part])
+            _form(_stages(self.Q, part), self._off(x, x_wanted)) + _form(_stages(self.R, part), u - u_wanted)
         )
         return values
 
     def final_value(self, x: Array) -> float:
-        return 0.5 * float(_form(self.Q_final, self._off(x, self.x_wanted[-1])[None])[0])
+        return 0.5 * float(_form(self.Q_final, self._off(x, np.atleast_2d(self.x_wanted)[-1])[None])[0])
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
         du = weigh(self.R, u - self.u_wanted)
@@ -245,13 +272,13 @@ class QuadraticCost(Cost):
 
     def _deviations(self, space: StateSpace, x: Array) -> tuple[Deviations, Deviations]:
         """Return the derivatives of what states cost: of the stages, and of the last."""
-        wanted = self.x_wanted
+        wanted = np.broadcast_to(self.x_wanted, x.shape)
         stages = deviations(space, self.Q, x[:-1], wanted[:-1])
         return stages, deviations(space, self.Q_final, x[-1:], wanted[-1:])
 
     @property
-    def wanted_states(self) -> Array:
-        return self.x_wanted
+    def wanted_states(self) -> Array | None:
+        return self.x_wanted if self._steps else None
 
     def eased(self, ease: float) -> tuple[Cost, Array] | None:
         """Return the cost with R times `ease` and Q_final over its root, and the wanted inputs; see `Cost`."""
@@ -264,7 +291,9 @@ class QuadraticCost(Cost):
         if type(self) is not QuadraticCost:
             return super().window(start, stop, N=N, nu=nu)
         check_window(start, stop, N)
-        self.check_shapes(N, self.x_wanted.shape[1], nu)
+        self.check_shapes(N, self.x_wanted.shape[-1], nu)
+        if self._steps is None:
+            return self
         part = slice(start, stop)
         return QuadraticCost(
             self.x_wanted[start : stop + 1],
@@ -294,7 +323,7 @@ class AddedCost(Cost):
     __getstate__, __setstate__ = saved_state, restore_state
 
     def __init__(self, cost: Cost, what: str, sizes: tuple[int, int, int]) -> None:
-        self.cost, self.nonnegative = cost, cost.nonnegative
+        self.cost, self.nonnegative = cost.over(sizes[0]), cost.nonnegative
         self._what, self._sizes = what, sizes
 
     def check_shapes(self, N: int, nx: int, nu: int) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from leastaction.optimal.discrete.chart_functions import ChartFunctions
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.functions import Curvature, Derivatives, Functions
 from leastaction.optimal.space import StateSpace
-from leastaction.optimal.system import Linearization
+from leastaction.optimal.system import Linearization, sizes_of
 
 StepFunction = Callable[[Any, Any, int], Any]
 
@@ -97,15 +97,17 @@ class FunctionSystem(DiscreteSystem):
     f : callable
         ``f(x, u, k) -> x+``.
     nx, nu, N : int
-        Numbers of states, inputs and steps.
-    derivatives : callable or "complex-step" or "finite-differences"
-        ``derivatives(x, u, k) -> (A, B)``, or how to obtain them from `f`. The complex step is
-        exact to rounding, and needs an `f` that accepts complex arrays and is analytic (no ``abs``,
-        no comparison); finite differences are good to about 1e-9 and make the optimiser's last
-        digits unreliable. There is no default: nothing is differenced that you did not ask for.
-    curvature : callable or "differences", optional
-        ``curvature(x, u, k, z) -> (nx+nu, nx+nu)``, or "differences": central differences of
+        Numbers of states, inputs and steps; where there are `names`, those of states and inputs may be left out.
+    derivatives : callable or "jax" or "complex-step" or "finite-differences"
+        ``derivatives(x, u, k) -> (A, B)``, or how to obtain them from `f`. "jax": of an `f` of JAX's NumPy, exact and
+        compiled (extra ``jax``). The complex step is exact to rounding, and needs an `f` that accepts complex arrays
+        and is analytic (no ``abs``, no comparison); finite differences are good to about 1e-9 and make the optimiser's
+        last digits unreliable. There is no default: nothing is differenced that you did not ask for.
+    curvature : callable or "jax" or "differences", optional
+        ``curvature(x, u, k, z) -> (nx+nu, nx+nu)``, or "jax" likewise, or "differences": central differences of
         ``z'[A B]``. Left out: Newton's method is not available.
+    names : pair of sequences of str, optional
+        Names of the states and of the inputs, such as ``(["x", "v"], ["push"])``, for limits, results and messages.
     space : StateSpace, optional
         How states differ and move, where they are no plain vectors, such as ``ProductSpace(Rotations(), Vectors(3))``.
         Functions that are given for derivatives return those of the step read in charts, (ndx, ...), as `System` says.
@@ -120,15 +122,15 @@ class FunctionSystem(DiscreteSystem):
         self,
         f: StepFunction,
         *,
-        nx: int,
-        nu: int,
+        nx: int | None = None,
+        nu: int | None = None,
         N: int,
         derivatives: Derivatives,
         curvature: Curvature | None = None,
         space: StateSpace | None = None,
+        names: tuple[Sequence[str], Sequence[str]] | None = None,
     ) -> None:
-        self.nx = as_count(nx, "nx", 1)
-        self.nu = as_count(nu, "nu", 1)
+        self.nx, self.nu, self.entry_names = sizes_of(nx, nu, names)
         self.N = as_count(N, "N", 1)
         self.has_curvature = curvature is not None
         self.space = space

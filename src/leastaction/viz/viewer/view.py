@@ -9,7 +9,7 @@ import webbrowser
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from leastaction.errors import ArgumentError, brief
 from leastaction.numerics.arrays import as_count
@@ -21,7 +21,7 @@ from leastaction.viz.viewer.animation import animation_page
 _NOTEBOOK_HEIGHT: Final = 480
 
 
-def _pixels(size: tuple[int, int]) -> tuple[int, int]:
+def _pixels(size: Any) -> tuple[int, int]:
     if not isinstance(size, Sequence) or len(size) != 2:
         raise ArgumentError(f"size: got {brief(repr(size))}, expected width and height in pixels, such as (1200, 800)")
     width, height = (as_count(each, "size", 1) for each in size)
