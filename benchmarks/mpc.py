@@ -171,7 +171,7 @@ def main() -> None:
         seconds, violation, fallbacks, most = measure(task, calls)
         median, high, worst = (1e3 * float(np.quantile(seconds, q)) / share for q in (0.5, 0.99, 1.0))
         print(
-            f"{task.name:22s} median {median:6.2f}  99 % {high:6.2f}  worst {worst:6.2f}  goal {1e3 * task.goal:4.1f}   "
+            f"{task.name:22s} median {median:6.2f}  99 % {high:6.2f}  worst {worst:6.2f}  goal {1e3 * task.goal:4.1f}  "
             f"violation {violation:.1e}, {fallbacks} fallbacks, at most {most} iterations"
         )
     try:

@@ -23,7 +23,7 @@ UP = np.array([0.0, np.pi, 0.0, 0.0])
 PUSHES = {1.0: 0.6, 3.0: -0.8, 5.0: 0.6}  # momenta (kg m^2/s) that knocks at the bob add
 
 
-def knock(t: float, x: np.ndarray) -> np.ndarray:
+def knock(t: float, _: np.ndarray) -> np.ndarray:
     """Return what a knock adds to the state at a time."""
     return np.array([0.0, 0.0, 0.0, sum(size for at, size in PUSHES.items() if abs(t - at) < 1e-6)])
 
@@ -35,7 +35,7 @@ def run(rng: np.random.Generator) -> ClosedLoop:
     mpc = MPC(model, cost, [la.Bound("x-force", -80.0, 80.0), la.Bound("x", -1.0, 1.0)])
     kalman = KalmanFilter(model, measure=["x", "theta"], noise=1e-3, process={"p_*": 0.02}, x=UP, spread=0.05)
     plant = la.MidpointVI(cart_pendulum(bob_mass=rng.uniform(1.0, 1.4)))
-    start = UP + [0.0, 0.05 * rng.standard_normal(), 0.0, 0.0]
+    start = UP + np.array([0.0, 0.05 * rng.standard_normal(), 0.0, 0.0])
     sensors = {"measure": ["x", "theta"], "noise": 1e-3, "delay": 0.02, "estimator": kalman}
     return close_loop(plant, mpc, start, T, **sensors, disturbance=knock, seed=int(rng.integers(1000)))
 
