@@ -14,7 +14,7 @@ Method = Literal["auto", "steepest", "quasi-newton", "newton"]
 Regulator = Literal["descent", "lqr"]
 Shooting = Literal["auto", "single", "multiple"]
 
-WAY_NAMES = ("freely", "gaps", "easing", "prices", "obstacles", "resolved")
+WAY_NAMES = ("freely", "gaps", "easing", "prices", "obstacles", "resolved", "given")
 """Names of the ways to begin again (see `leastaction.optimal.ways`)."""
 
 
@@ -33,7 +33,8 @@ class Options:
         Whether the steps of a curve may miss the next states, until the gaps are closed: where it helps, never, or
         from the start.
     collocate : bool
-        Whether a problem in continuous time is put on a mesh where neither limits nor a free start ask for it.
+        Whether a problem in continuous time is put on a mesh; else its equations are integrated in time, which takes
+        many times as long, and knows neither limits nor a free start.
     max_iterations : int
         Limit on the iterations of a run.
     tolerance : float
@@ -53,7 +54,7 @@ class Options:
     without : iterable of str
         Ways to begin again that are not taken: "freely" (from the minimum without limits), "gaps" (multiple shooting),
         "easing" (dear inputs first), "prices" (dearer limits), "obstacles" (from the minimum without them), "resolved"
-        (within what the steps of time resolve).
+        (within what the steps of time resolve), "given" (from the given curve, before limits are said not to be met).
 
     Raises
     ------
@@ -64,7 +65,7 @@ class Options:
     method: str = "auto"
     regulator: str = "descent"
     shooting: str = "auto"
-    collocate: bool = False
+    collocate: bool = True
     max_iterations: int = 1000
     tolerance: float = 1e-9
     absolute_tolerance: float = 1e-14
