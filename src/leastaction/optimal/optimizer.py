@@ -21,6 +21,7 @@ from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult
+from leastaction.optimal.cost import check_space
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.easing import EasedProblem
 from leastaction.optimal.discrete.shooting import Gapped
@@ -253,7 +254,13 @@ class Optimizer:
                     "brings its times along."
                 )
         cost.check_shapes(system.N, system.nx, system.nu)
+        check_space(cost, system)
         final_time = None
+        if system.charts() is not None and any(isinstance(limit, Periodic) for limit in self.limits):
+            raise ArgumentError(
+                f"limits: got a Periodic for {type(system).__name__}, whose states are no plain vectors: expected "
+                "Equal at the end, of a given state"
+            )
         if self.unknowns or any(isinstance(limit, Periodic) for limit in self.limits):
             self._extension = extension = Extension(system, cost, self.unknowns, self.limits, free)
             rows, free, final_time = extension.rows(), True, extension.system.final_time
@@ -281,6 +288,11 @@ class Optimizer:
             raise ArgumentError(
                 f"limits: got a Periodic for {type(system).__name__}, expected a discrete system for a motion that "
                 "returns; in continuous time `Equal` asks for a given last state"
+            )
+        if system.charts() is not None:
+            raise ArgumentError(
+                f"system: got a {type(system).__name__} whose states are no plain vectors, expected plain ones in "
+                "continuous time; in steps of time, DiscreteSystem, they may be any"
             )
         accuracy = settings.accuracy or Accuracy()
         if self.limits or self.free_start is not False or settings.collocate:
