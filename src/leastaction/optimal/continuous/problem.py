@@ -33,7 +33,7 @@ from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.line_search import Refusal, Trial, rounding_of
-from leastaction.optimal.loop import Direction, Problem
+from leastaction.optimal.loop import Clock, Direction, OneStage, Problem, along_parabola
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
 
@@ -70,8 +70,13 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
     ``horizon``: times (s), if what it starts from does not bring them.
     """
 
-    # The noise of a cost is estimated, not known: a step that is lost in it may still have converged.
-    patience = 2
+    rollouts: int = 0
+    value: float = np.nan
+    roughness: float = 0.0
+    gap = 0.0
+    worst_step = None
+    sees_walls = False
+    undetermined = ""
 
     # The Riccati equation is the stiffer the larger the weights, and it is integrated explicitly.
     largest_shift = 10.0
@@ -84,7 +89,9 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         accuracy: Accuracy,
         horizon: tuple[float, float] | None = None,
     ) -> None:
-        super().__init__()
+        self._clock = Clock()
+        # The noise of a cost is estimated, not known: a step that is lost in it may still have converged.
+        self.stages = OneStage(patience=2)
         self.horizon = horizon
         self.system = system
         self.cost = cost
@@ -101,6 +108,21 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         self.curvature: Array | None = None
         self.quasi_newton: ContinuousLinearQuadraticSolution | None = None
         self.feedback: PiecewisePolynomial | None = None
+
+    @property
+    def clock(self) -> Clock:
+        return self._clock
+
+    @property
+    def shown(self) -> float:
+        return self.value
+
+    @property
+    def magnitude(self) -> float:
+        return self.value
+
+    def note_roughness(self, off: float) -> None:
+        self.roughness = off
 
     @property
     def noise(self) -> float:
@@ -279,6 +301,15 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
             raise ArgumentError(f"direction: the linearised system failed at {swept.failure}.")
         return swept.trajectory
 
+    def refined(self, direction: ContinuousDirection, *, holds: bool) -> ContinuousDirection:  # noqa: ARG002
+        return direction
+
+    def left_beside_rounding(self) -> float:
+        return np.inf
+
+    def where(self, direction: ContinuousDirection) -> str:  # noqa: ARG002
+        return ""
+
     def negative_curvature(self, scale: float) -> ContinuousDirection | None:
         model = self._model()
 
@@ -360,6 +391,12 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
 
     # ---- Steps ----------------------------------------------------------------------------------
 
+    def first_step(self, direction: ContinuousDirection, length: float) -> float:  # noqa: ARG002
+        return length
+
+    def promised(self, direction: ContinuousDirection, length: float) -> float:
+        return along_parabola(direction, length)
+
     def simulate(self, direction: ContinuousDirection, length: float, bound: float) -> Trial[DenseTrajectory] | Refusal:
         rollout = roll_out(
             self.system,
@@ -387,6 +424,9 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
 
     def keep_feedback(self, direction: ContinuousDirection) -> None:
         self.feedback = direction.feedback
+
+    def following(self, *, moved: bool) -> ContinuousProblem | None:  # noqa: ARG002
+        return None
 
     # ---- What is told ---------------------------------------------------------------------------
 

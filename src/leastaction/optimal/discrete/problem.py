@@ -1,459 +1,707 @@
-"""A discrete system and its cost, as the optimiser's loop sees them."""
+"""A discrete system, its cost and its limits, as the optimiser's loop sees them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError, LeastActionError, ProjectionError, StepError
+from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
 from leastaction.numerics.arrays import Array, as_array, read_only
-from leastaction.optimal.discrete.cost import Cost, CostGradient
-from leastaction.optimal.discrete.descent import escape, minimise_model
+from leastaction.numerics.frozen import changed
+from leastaction.numerics.step_quality import StepQuality
+from leastaction.optimal.discrete.cost import Cost
+from leastaction.optimal.discrete.curve import CurveSteps, Gapped
 from leastaction.optimal.discrete.direction import DiscreteDirection, Iterate
-from leastaction.optimal.discrete.hessians import ModelHessian, between, same, shifted
-from leastaction.optimal.discrete.linear_quadratic import (
-    Law,
-    LinearQuadraticSolution,
-    Workspace,
-    adjoint,
-    regulate,
-    sweep_forward,
-)
-from leastaction.optimal.discrete.projection import linearize_along_curve
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, given_start, linearized, told_of
-from leastaction.optimal.discrete.trial import SHORT, leap, try_projection
+from leastaction.optimal.discrete.free_start import FreeStart
+from leastaction.optimal.discrete.grid import OwnSteps, TimeGrid
+from leastaction.optimal.discrete.here import Here
+from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution, regulate
+from leastaction.optimal.discrete.merit import CostMerit, Merit
+from leastaction.optimal.discrete.models import Models
+from leastaction.optimal.discrete.projected import project_curve, projection_of
+from leastaction.optimal.discrete.stages import DiscreteStages
+from leastaction.optimal.discrete.steps import Steps
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, given_start, told_of
+from leastaction.optimal.discrete.trajectory import TrajectorySteps
+from leastaction.optimal.discrete.work import Work
+from leastaction.optimal.initial import pair_of
+from leastaction.optimal.limit_report import LimitReport
+from leastaction.optimal.limits.leeway import may_be_obstacle, stands_still
+from leastaction.optimal.limits.merit import BarrierMerit
+from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.limits.start import barrier_merit, depths
 from leastaction.optimal.line_search import Refusal, Trial
-from leastaction.optimal.loop import Problem
+from leastaction.optimal.loop import Clock, Loop, Problem
+from leastaction.optimal.memory import Memory, Place, Start
 from leastaction.optimal.options import Options
-from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.system import Linearization
+from leastaction.optimal.result import OptimizationResult, Status
 
-# Factor in cost over that of its inputs alone by which a projection has lost a curve.
-_DEAR = 10.0
+_LOST = 10.0  # factor in cost by which a projection has lost a curve
+_SAME = 1e-6  # relative difference of a cost from that of a start that was found, by which it is another cost
+_SHORTER = 0.7  # part of what a motion lasts that a step of the search takes off at most
+_AHEAD = 5  # iterations without obstacles, after which it is seen whether they stand in the way
+_LONGEST_INSTEAD = 100  # iterations with gaps that take the place of a search that was stuck
 
-# Second derivative by the initial state, in parts of the largest, that counts as none: little more than rounding, since
-# a limit that is active in the end is stiffer than all else by ten orders of magnitude.
-_FLAT = 1e-14
+
+@dataclass
+class Begun:
+    """What a search began with, and where it may begin again.
+
+    ``given``: the start, until gaps were tried from there. ``wanted``: what they are tried from once more. ``first``:
+    the trajectory that it began with. ``earlier``: where it stood before there were gaps.
+    """
+
+    given: Start | None = None
+    wanted: Start | None = None
+    first: Start | None = None
+    earlier: Place | None = None
 
 
 class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterate]):
-    """The current trajectory of a discrete system, and what was computed along it."""
+    """A discrete system, its cost and its limits, at the current iterate.
+
+    It is put together from what differs: the `merit` says what is minimised, `steps` how iterates follow each other,
+    the `grid` which times they stand for; `stages` says what is so in this stage.
+
+    Parameters
+    ----------
+    system : DiscreteSystem
+    cost : Cost
+    settings : Options
+    rows : sequence of Rows
+        Of limits.
+    free_start : bool or sequence of str
+        Whether the initial state is found too, or which of its entries.
+    gapped : {"never", "where needed", "at once"}
+        When steps may have gaps.
+    final_time : int, optional
+        The place in the state of the time (s) at which the motion ends, if that is found too. The motion may then be
+        made to last ever shorter, which also costs ever less: only the price of what is not reached stands against a
+        motion of no time at all, where every search ends. It has to be high from the beginning, and higher still where
+        a search ends so.
+    grid : TimeGrid, optional
+        The times of the steps; the system's own if left out.
+    work : Work, optional
+        Memory of such a problem that is not searched any more.
+    """
+
+    stages: DiscreteStages
 
     def __init__(
-        self, system: DiscreteSystem, cost: Cost, settings: Options, free_start: bool | Sequence[str] = False
+        self,
+        system: DiscreteSystem,
+        cost: Cost,
+        settings: Options,
+        rows: Sequence[Rows] = (),
+        free_start: bool | Sequence[str] = False,
+        gapped: Gapped = "never",
+        *,
+        final_time: int | None = None,
+        grid: TimeGrid | None = None,
+        work: Work | None = None,
     ) -> None:
-        super().__init__()
-        self.system = system
-        self.free_start = free_start
-        self.cost = cost
-        self.has_curvature = self.tells_saddles = system.has_curvature
-        self.chunk = settings.chunk
-
-        # The current iterate, and the gains of the projection that led to it.
-        self.x: Array
-        self.u: Array
-        self.gain: Array
-        # What was computed along it; None: not yet.
-        self.linearization: Linearization | None = None
-        self.exact: ModelHessian | None = None
-        self.convex: ModelHessian | None = None
-        self.curvature: Array | None = None
-        self.quasi_newton: LinearQuadraticSolution | None = None
-        self.feedback: Array | None = None
-        self.start_directions: Array | None = None
-        self._flat: list[str] = []  # unknown numbers of which the last model says nothing
-
-        # Memory that is used again. The gains of the last projection (in `held`) outlive the next
-        # linear-quadratic problem (solved in `free`), because the adjoint needs them.
+        self.system, self.asked, self.settings, self.rows = system, cost, settings, tuple(rows)
+        self.gapped, self.final_time, self.grid = gapped, final_time, grid or OwnSteps()
+        self.has_curvature, self.begins_again = system.has_curvature, not self.grid.is_mesh
         sizes = (system.N, system.nx, system.nu)
-        self.free, self.held = Workspace(*sizes), Workspace(*sizes)
-        self.lqr = Workspace(*sizes) if settings.regulator == "lqr" else None
-        self.old_linearization: Linearization | None = None
+        self.work = work or Work(*sizes, own_gains=settings.regulator == "lqr")
+        self.here = Here()
+        self.plain = CostMerit(cost, self.here)
+        self.barrier: BarrierMerit | None = None
+        if rows:
+            self.barrier = barrier_merit(system, cost, self.rows, self.here, settings, final=final_time is not None)
+        self.models = Models(system, self.plain, self.here, self.work, FreeStart(system, free_start))
+        self.trajectory_steps = TrajectorySteps(self.models, settings.chunk)
+        self.renew()
 
-    # ---- Where to start -------------------------------------------------------------------------
+    def renew(self) -> None:
+        """Be as if nothing had been searched."""
+        self.begun = Begun()
+        self.ease = 1.0
+        self.note = ""
+        self.is_drowned = self.begins_at_minimum = False
+        self.here.curve, self.here.worst_step, self.here.roughness = None, None, 0.0
+        self.steps: Steps = self.trajectory_steps
+        self.stages = DiscreteStages(self)
+        self.plain.replaced(self.asked)
+        self.models.costates = None
+        self._put_out()
+        if self.barrier is not None:
+            self.barrier.stages.renew()
 
-    def start(self, initial: tuple[ArrayLike, ArrayLike]) -> None:
-        x, self.u = given_start(self.system, initial)
+    def related(self, rows: Sequence[Rows], cost: Cost | None = None, **settings: Any) -> DiscreteProblem:
+        """Return the problem with other limits and settings, and perhaps another cost."""
+        other = self.settings.changed(**settings)
+        return DiscreteProblem(
+            self.system, cost or self.asked, other, rows, self.free_start, final_time=self.final_time
+        )
+
+    # ---- Parts ------------------------------------------------------------------------------------
+
+    @property
+    def merit(self) -> Merit:
+        """What is minimised now."""
+        return self.models.merit
+
+    @property
+    def limits(self) -> BarrierMerit | None:
+        """The merit with limits, where they have been put in."""
+        return self.barrier if self.merit is self.barrier else None
+
+    @property
+    def curve(self) -> CurveSteps | None:
+        """The steps of curves, where there are gaps."""
+        return self.steps if isinstance(self.steps, CurveSteps) else None
+
+    @property
+    def free_start(self) -> bool | Sequence[str]:
+        """Whether the initial state is found too, or which of its entries."""
+        return self.models.start.free
+
+    @property
+    def clock(self) -> Clock:
+        return self.work.clock
+
+    @property
+    def rollouts(self) -> int:
+        return self.work.rollouts
+
+    # ---- Where it stands --------------------------------------------------------------------------
+
+    @property
+    def x(self) -> Array:
+        """States (N+1, nx) of the iterate."""
+        return self.here.x
+
+    @property
+    def u(self) -> Array:
+        """Inputs (N, nu) of the iterate."""
+        return self.here.u
+
+    @property
+    def value(self) -> float:
+        return self.here.value
+
+    @property
+    def shown(self) -> float:
+        return self.merit.plain_value() if self.ease == 1.0 else self.asked.value(self.x, self.u)
+
+    @property
+    def magnitude(self) -> float:
+        # Barriers are known up to a constant, and may be of either sign.
+        return self.here.value if self.limits is None else self.shown
+
+    @property
+    def noise(self) -> float:
+        return self.here.noise
+
+    @property
+    def roughness(self) -> float:
+        return self.here.roughness
+
+    def note_roughness(self, off: float) -> None:
+        self.here.roughness = off
+
+    @property
+    def gap(self) -> float:
+        return 0.0 if self.curve is None else self.curve.gap
+
+    @property
+    def worst_step(self) -> StepQuality | None:
+        return self.here.worst_step
+
+    @property
+    def sees_walls(self) -> bool:
+        return self.merit.sees_walls
+
+    @property
+    def undetermined(self) -> str:
+        return self.models.start.undetermined
+
+    # ---- Where to start ---------------------------------------------------------------------------
+
+    def start(self, initial: Any) -> None:
+        """Begin with a trajectory, a curve to be projected, an initial state and inputs, or an earlier result."""
+        found = initial if isinstance(initial, OptimizationResult) else None
+        if found is not None:
+            initial = found.x, found.u
+        self._set_out_from(initial)
+        if self.barrier is not None:
+            for rows, values in zip(self.rows, self.barrier.limits(), strict=True):
+                rows.check_values(values, self.system.when)
+            self.put_limits_in(found)
+        begun = self.begun
+        if self.curve is None:
+            begun.first = Start(self.x, self.u)
+        if self.barrier is None:
+            return
+        # What was found with another cost is no minimum of this one.
+        same = found is not None and abs(self.shown - found.cost) <= _SAME * abs(found.cost)
+        self.begins_at_minimum = found is not None and found.success and same
+        if self.final_time is not None:
+            x, u = pair_of(initial)
+            begun.given = Start(np.array(x, dtype=np.float64), np.array(u, dtype=np.float64))
+        if begun.given is not None:
+            begun.given = replace(begun.given, was_found=found is not None)
+            begun.wanted = self._wanted_from(begun.given)
+
+    def _wanted_from(self, start: Start) -> Start | None:
+        """Return the wanted motion, from the state that a start holds; None of another start, or if it is not known."""
+        wanted = self.asked.wanted_states
+        if wanted is None or start.x.ndim > 1 or self.final_time is not None:
+            return None
+        return Start(read_only(np.concatenate([start.x[None], wanted[1:]])), start.u)
+
+    def _set_out_from(self, initial: Any) -> None:
+        """Stand at a start without limits: a curve or its projection, whichever is asked for and can be."""
+        if self.gapped == "never":
+            self.stand_at(initial)
+            return
+        x, u = given_start(self.system, initial)
+        begun = self.begun
+        begun.given = Start(x, u)
+        failure: ProjectionError | None = None
+        if self.gapped == "where needed":
+            try:
+                self.stand_at((x, u))
+                lost = x.ndim == 2 and self.value > _LOST * self.plain.cost.value(x, u)
+                begun.given = replace(begun.given, is_lost=lost)
+                return
+            except ProjectionError as error:
+                failure = error
+            self.models.forget()
+        refusal = self._open(begun.given)
+        if refusal is not None:
+            if failure is not None:
+                raise failure
+            self.note = f"projected at once, as {refusal.reason}"
+            self.stand_at((x, u))
+        elif failure is not None:
+            self.note = f"begins with gaps between its steps, as a projection is not possible ({failure})"
+
+    def stand_at(self, initial: Any) -> None:
+        """Stand at the projection of a start, with what is minimised now."""
+        x, u = given_start(self.system, initial)
         N, nx, nu = self.system.N, self.system.nx, self.system.nu
         made: Rollout | None = None
         if x.ndim == 1:
-            made = self._project(np.tile(x, (N + 1, 1)), self.u, np.zeros((N, nu, nx)))
+            made = projection_of(self.models, np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, nx)))
             x = made.x
-        self.x = read_only(x)
-        self._project_curve(made)
-        self.value = self.cost.value(self.x, self.u)
+        self.stand_along(x, u, made)
         if not np.isfinite(self.value):
             raise ProjectionError(
                 f"initial: the cost of the initial trajectory is {self.value}, expected a finite "
                 "number. Look at the cost's weights and wanted motion."
             )
 
-    def _project_curve(self, made: Rollout | None = None) -> None:
-        """Put a trajectory in the place of the curve where the iterate is to be.
-
-        A trajectory is its own projection, and what was computed along it stays valid. Of a curve that is none, the
-        gains of the cost's regulator may lead far away or nowhere: then the cheapest of several projections is taken.
-        ``made``: the roll-out that the curve is, if it is known to be one.
-        """
-        x, u = self.x, self.u
-        N, nx, nu = self.system.N, self.system.nx, self.system.nu
-        found: list[tuple[float, Rollout, Array]] = []
-        failure = ""
-
-        def follow(choose: Callable[[], Array]) -> None:
-            nonlocal failure
-            try:
-                gain = choose()
-                projected = made or self._project(x, u, gain)
-            except LeastActionError as error:
-                failure = str(error)
-                return
-            with np.errstate(over="ignore", invalid="ignore"):
-                value = self.cost.value(projected.x, projected.u)
-            found.append((value if np.isfinite(value) else np.inf, projected, gain))
-
-        def regulator() -> Array:
-            self.quasi_newton = self._solve("quasi-newton", self.held)
-            return self.quasi_newton.K if self.quasi_newton.definite else regulate(*self._linearize())
-
-        follow(regulator)
-        if found and float(np.abs(found[0][1].x - x).max()) <= 1e-8 * (1.0 + float(np.abs(x).max())):
-            self.gain, self.worst_step = found[0][2], found[0][1].worst_step
-            return
-        self.forget()
-        follow(lambda: np.zeros((N, nu, nx)))
-        if not found or found[0][0] > _DEAR * found[-1][0]:
-            # The regulator above may not even exist where the curve's next states are no ends of steps.
-            along = linearize_along_curve(self.system, x, u)
-            Q, R, _, Q_final = self.cost.convex_hessian(x, u)
-            follow(lambda: regulate(*along, Q=Q, R=R, Q_final=Q_final))
-            follow(lambda: regulate(*along))
-        elif found:
-            del found[1:]
-        if not found:
-            raise ProjectionError(f"initial: {failure.removeprefix('initial: ')}")
-        _, projected, self.gain = min(found, key=lambda each: each[0])
-        self.x, self.u = read_only(projected.x), read_only(projected.u)
-        self.worst_step = projected.worst_step
+    def stand_along(self, x: Array, u: Array, made: Rollout | None = None) -> None:
+        """Stand at the projection of a curve; ``made``: the roll-out that it is, if it is known to be one."""
+        self.steps = self.trajectory_steps
+        self.here.move(x, u, self.worst_step)
+        project_curve(self.models, made)
+        self.here.value = self.merit.cost.value(self.x, self.u)
 
     def resume(self, result: OptimizationResult) -> None:
-        N, nx, nu = self.system.N, self.system.nx, self.system.nu
-        if result.gap > 0.0:
-            raise ArgumentError(
-                f"resume: got a result with open gaps (of {result.gap:.2g}), expected a trajectory: give "
-                "shooting='multiple', or initial=(result.x, result.u), which is projected"
+        """Begin where an earlier run ended."""
+        memory, here = result.memory, self.here
+        if memory is not None:
+            self.recall(memory)
+        if self.gapped != "never" and memory is not None and memory.gaps is not None:
+            gaps = memory.gaps
+            self.steps = curve = CurveSteps(self.models, gaps.size, gaps.longest)
+            found = curve.evaluate(gaps.x, gaps.u)
+            if isinstance(found, Refusal):
+                raise ArgumentError(f"resume: {found.reason}; expected the result of a run with this system")
+            curve.recall(gaps, found)
+            self.tells_saddles = False
+        else:
+            N, nx, nu = self.system.N, self.system.nx, self.system.nu
+            if result.gap > 0.0:
+                raise ArgumentError(
+                    f"resume: got a result with open gaps (of {result.gap:.2g}), expected a trajectory: give "
+                    "shooting='multiple', or initial=(result.x, result.u), which is projected"
+                )
+            x = as_array(result.x, "resume.x", (N + 1, nx), meaning="(N+1, nx)")
+            u = as_array(result.u, "resume.u", (N, nu), meaning="(N, nu)")
+            here.move(x, u, result.worst_step)
+            here.gain = as_array(
+                result.projection_gain, "resume.projection_gain", (N, nu, nx), meaning="(N, nu, nx)"
             )
-        self.x = read_only(as_array(result.x, "resume.x", (N + 1, nx), meaning="(N+1, nx)"))
-        self.u = read_only(as_array(result.u, "resume.u", (N, nu), meaning="(N, nu)"))
-        self.gain = as_array(result.projection_gain, "resume.projection_gain", (N, nu, nx), meaning="(N, nu, nx)")
-        self.value = self.cost.value(self.x, self.u)
-        self.worst_step = result.worst_step
+            here.value = self.plain.cost.value(here.x, here.u)
+        if self.barrier is not None:
+            self.put_limits_in(result, resumed=True)
 
-    def _project(self, xbar: Array, ubar: Array, gain: Array) -> Rollout:
-        with self.clock("rollout"):
-            rollout = self.system.rollout(xbar[0], xbar, ubar, gain, 0, self.system.N)
-        self.rollouts += 1
-        if not rollout.complete:
-            raise ProjectionError(
-                f"initial: the roll-out failed after {rollout.steps_done} of {self.system.N} steps: "
-                f"{self._why(rollout, xbar, ubar, gain)}. Give a trajectory of the system (such as one it simulated), "
-                "or a curve that stays closer to one."
-            )
-        return rollout
+    def recall(self, memory: Memory) -> None:
+        """Remember what an earlier run did of its way."""
+        self.begun = Begun(memory.start, memory.wanted, memory.first, memory.earlier)
+        self.set_ease(memory.ease)
 
-    def _why(self, rollout: Rollout, xbar: Array, ubar: Array, gain: Array) -> str | None:
-        """Return why a roll-out ended, in the words of the step if it has some: it looks closer than a roll-out."""
-        k = rollout.steps_done
-        x = rollout.x[k]
+    # ---- Limits -----------------------------------------------------------------------------------
+
+    def put_limits_in(self, found: OptimizationResult | None = None, *, resumed: bool = False) -> None:
+        """Put the limits in at the trajectory, or the curve, to start from; without any there are none.
+
+        ``found``: an earlier result, whose duals are known. ``resumed``: whether this is where it ended.
+        """
+        barrier = self.barrier
+        if barrier is None:
+            return
+        if not resumed:
+            ahead = self._ahead()
+            barrier.forget_leeway()
+            barrier.duals.leeway.lend(self.rows, [(self.x, self.u), *ahead])
+        # Costs are those of the plain merit still: of a trajectory the value itself.
+        shown = self.plain.plain_value()
+        barrier.stages.begin(
+            shown,
+            barrier.limits(),
+            lambda: self.asked.value(np.zeros_like(self.x), np.zeros_like(self.u)),
+            depths(self.rows, barrier.asked(), self.x, self.u),
+        )
+        for rows in self.rows:
+            rows.check(self.x, self.u)
+            rows.check_start(self.x[0])
+        self.models.merit = barrier
+        if found is not None:
+            barrier.stages.take(found.limits, resumed=resumed, changed=abs(shown - found.cost))
+        barrier.forget_leeway()
+        self.set_out()
+
+    def _ahead(self) -> list[tuple[Array, Array]]:
+        """Return where a few iterations without obstacles lead from a start that does not say how to pass them."""
+        obstacles = [rows for rows in self.rows if may_be_obstacle(rows, self.x, self.u)]
+        if self.here.is_open or not any(stands_still(rows, self.x, self.u) for rows in obstacles):
+            return []
+        found = self.found_with([rows for rows in self.rows if rows not in obstacles], _AHEAD)
+        return [] if found is None else [(found.x, found.u)]
+
+    def _put_out(self) -> None:
+        """Take the limits out, to start elsewhere."""
+        self.models.forget()
+        if self.barrier is not None:
+            self.barrier.forget()
+        self.models.merit = self.plain
+        self.set_saddles()
+
+    def found_with(self, rows: list[Rows], iterations: int, *, tolerance: float = 0.0) -> OptimizationResult | None:
+        """Return what some iterations with other limits lead to from the iterate; None where that is nowhere.
+
+        ``tolerance``: is enough, where a smaller one is asked for.
+        """
+        enough = max(tolerance, self.settings.tolerance)
+        return self.found_by(self.related(rows, max_iterations=iterations, tolerance=enough), (self.x, self.u))
+
+    def found_by(self, other: DiscreteProblem, start: tuple[Array, Array]) -> OptimizationResult | None:
+        """Return what another problem leads to from a start, without beginning again; None where that is nowhere."""
         try:
-            self.system.f(x, ubar[k] - gain[k] @ (x - xbar[k]), k)
-        except StepError as error:
-            return str(error).removesuffix(".")
-        except ArithmeticError:  # told by the roll-out already
-            pass
-        return rollout.failure
+            other.start(start)
+            found = Loop(other, other.settings).run()
+        except LeastActionError:
+            return None
+        self.work.rollouts += found.rollouts
+        if found.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        return found
 
-    # ---- Directions -----------------------------------------------------------------------------
+    # ---- Elsewhere --------------------------------------------------------------------------------
+
+    def place(self) -> Place:
+        """Return where it stands."""
+        return self.here.place()
+
+    def go_to(self, place: Place) -> None:
+        """Stand at a place again, and put the limits in there."""
+        self._put_out()
+        self.go_back(place)
+        self.put_limits_in()
+
+    def go_back(self, place: Place) -> None:
+        """Stand at a place again, with what is minimised now."""
+        here = self.here
+        self.steps = self.trajectory_steps
+        here.move(place.x, place.u, place.worst_step)
+        here.gain = place.gain.copy()
+        here.value = self.merit.cost.value(here.x, here.u)
+        self.models.forget()
+
+    def begin_at(self, x: Array, u: Array) -> bool:
+        """Begin again at the projection of a curve; whether there is one."""
+        now = self.place()
+        self._put_out()
+        try:
+            self.stand_at((x, u))
+        except LeastActionError:
+            self.go_to(now)
+            return False
+        self.put_limits_in()
+        return True
+
+    def begin_anew(self, start: Start) -> None:
+        """Begin again from a start, without limits as yet."""
+        self._put_out()
+        self._set_out_from((start.x, start.u))
+
+    def go_on_from(self, x: Array, u: Array, report: LimitReport | None) -> None:
+        """Begin the last stage at a trajectory; ``report``: of the limits there, where their duals are known."""
+        self.set_ease(1.0)
+        self._put_out()
+        self.stand_at((x, u))
+        self.put_limits_in()
+        if report is not None and self.barrier is not None:
+            self.barrier.stages.take(report, resumed=False)
+            self.set_out()
+
+    # ---- Gaps -------------------------------------------------------------------------------------
+
+    def begin_with_gaps(self, longest: int | None = None) -> bool:
+        """Begin again with gaps from the given start, once, and return whether that can be done.
+
+        ``longest``: iterations that they have to close in.
+        """
+        begun, given, here = self.begun, self.begun.given, self.here
+        if self.ease != 1.0 or self.final_time is not None:
+            return False
+        if here.is_open or given is None:
+            if self.barrier is not None:
+                self._try_wanted()
+            return False
+        now, value = self.place(), self.value
+        try:
+            refused = self._open(given, still=self.barrier is not None) is not None
+        except BaseException as error:  # an interruption too leaves it where it stood
+            self.steps = self.trajectory_steps
+            here.move(now.x, now.u, now.worst_step)
+            here.gain, here.value = now.gain, value
+            if not isinstance(error, LeastActionError):
+                raise
+            refused = True
+        if refused:
+            self._try_wanted()
+            return False
+        begun.earlier = now
+        self.models.forget()
+        curve = self.curve
+        assert curve is not None
+        curve.longest = longest or _LONGEST_INSTEAD
+        self.put_limits_in()
+        return True
+
+    def _try_wanted(self) -> None:
+        """Have gaps tried from the wanted motion next, where an initial state alone was given; once."""
+        self.begun.given, self.begun.wanted = self.begun.wanted, None
+
+    def _open(self, start: Start, *, still: bool = False) -> Refusal | None:
+        """Stand at a curve with its gaps, or return why that is not possible.
+
+        ``still``: whether an initial state alone is held, and not the motion that it leads to.
+        """
+        N, nx, nu = self.system.N, self.system.nx, self.system.nu
+        x, u = start.x, start.u
+        if x.ndim == 1 and still:
+            x = np.tile(x, (N + 1, 1))
+        elif x.ndim == 1:
+            run = self.system.rollout(x, np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, nx)), 0, N)
+            self.work.rollouts += 1
+            # What leads to a step that cannot be made is too violent to begin with: it stands still instead.
+            x = run.x if run.complete else np.tile(x, (N + 1, 1))
+        steps = CurveSteps(self.models, 1.0 + np.abs(x).max(axis=0))
+        curve = steps.evaluate(x, u)
+        if isinstance(curve, Refusal):
+            return curve
+        steps.begin(curve)
+        self.steps, self.tells_saddles = steps, False
+        return None
+
+    def leave_gaps(self) -> bool:
+        """Go on over trajectories, where the gaps are closed or cannot be; whether it is where they led.
+
+        If not, it is back where it stood before: only closed gaps are worth leaving a place that costs less.
+        """
+        curve, begun = self.curve, self.begun
+        assert curve is not None
+        closed, x, u = curve.are_closed, self.x, self.u
+        self.models.costates = None
+        try:
+            self._forget_gaps()
+            self.stand_along(x, u)
+        except LeastActionError:
+            closed = False
+            if begun.earlier is not None:
+                self.here.value = np.inf
+            elif begun.given is not None:
+                self.stand_at((begun.given.x, begun.given.u))
+            else:
+                raise
+        self.models.forget()
+        earlier, begun.earlier, begun.given = begun.earlier, None, None
+        back = not (closed or earlier is None or self._asked(self.x, self.u, self.value) < self._asked(earlier.x, earlier.u))
+        if back:
+            assert earlier is not None
+            self.go_to(earlier)
+        if not closed:
+            self._try_wanted()
+        self.set_out()
+        return not back
+
+    def _forget_gaps(self) -> None:
+        """Stand at the states and inputs of a curve, to be projected."""
+        self.steps = self.trajectory_steps
+        self.here.move(self.x, self.u, self.worst_step)
+        self.models.forget()
+
+    def _asked(self, x: Array, u: Array, cost: float | None = None) -> float:
+        """Return what is minimised in the end along a trajectory; ``cost``: its cost, if that is known."""
+        return (self.merit.cost.value(x, u) if cost is None else cost) + self.merit.guide(x, u)
+
+    # ---- Stages -----------------------------------------------------------------------------------
+
+    def set_ease(self, ease: float) -> None:
+        """Take a stage in which inputs are that much dearer than asked for, where the cost offers one."""
+        eased = None if ease == 1.0 or self.barrier is not None else self.asked.eased(ease)
+        self.ease, cost = (1.0, self.asked) if eased is None else (ease, eased[0])
+        if cost is not self.plain.cost:
+            self.plain.replaced(cost)
+        self.set_saddles()
+
+    def ease_off(self, stride: float) -> None:
+        """Go on with inputs that are less dear."""
+        self.set_ease(max(1.0, self.ease / stride))
+        self.here.value = self.plain.cost.value(self.x, self.u)
+        self.models.forget_stage()
+
+    def set_saddles(self) -> None:
+        """Have models tell saddles in stages where these matter: in the last, and where obstacles grow."""
+        matters = self.ease == 1.0 and not self.here.is_open
+        if self.limits is not None:
+            stages, of_bent = self.limits.stages, self.grid.is_mesh and bool(self.limits.limited.others)
+            matters = matters and (stages.is_last or self.limits.duals.leeway.is_lent)
+            # Along a limit that is bent there is a way down from a saddle as far as its barrier is soft: later, none.
+            matters = matters or of_bent
+        self.tells_saddles = self.has_curvature and matters
+
+    def set_out(self) -> None:
+        """Begin a stage: another cost, the same dynamics."""
+        self.set_saddles()
+        self.models.forget_stage()
+        limits, curve = self.limits, self.curve
+        if limits is None:
+            return
+        if curve is not None:
+            curve.cost_again(limits.value())
+        else:
+            self.here.value = limits.value()
+
+    def following(self, *, moved: bool) -> DiscreteProblem | None:
+        more = self.stages.advance(moved=moved)
+        return self if more else self.grid.following(self)
+
+    # ---- Directions -------------------------------------------------------------------------------
 
     def minimise_model(self, method: str, scale: float, shift: float = 0.0) -> LinearQuadraticSolution:
-        self._own_gain()
-        if method == "quasi-newton" and shift == 0.0 and self.quasi_newton is not None:
-            return self._with_start(self.quasi_newton, lambda: self._hessian(0.0))
-        model = self._solve(method, self.free, scale, shift)
-        return self._with_start(model, lambda: self._hessian(scale if method == "newton" else 0.0))
+        model = self.models.minimise(method, scale, shift)
+        # In exact numbers a convex model has a minimum.
+        is_lost = method == "quasi-newton" and not model.definite
+        self.is_drowned = self.limits is not None and (is_lost or model.smallest_eigenvalue > 0.0)
+        if self.is_drowned:
+            # Beside stiff limits the rest of the curvature is lost in rounding: this is no saddle.
+            self.tells_saddles = False
+        return model
 
     def direction(
         self, method: str, model: LinearQuadraticSolution, scale: float, shift: float = 0.0
     ) -> DiscreteDirection:
-        own_gain = self._own_gain()
-        dx = du = None
-        dx0 = self._start_step(model)
-        if own_gain is not None:
-            dx, du = self._sweep(model, dx0)
-        self.feedback = model.K if own_gain is None else own_gain
-        # The model's minimum is half of its linear part.
-        slope = 2.0 * least_of(model, dx0)
-        return DiscreteDirection(method, slope, scale, shift, gain=self.feedback, C=model.C, dx=dx, du=du, dx0=dx0)
+        return self.merit.followed(self.steps.direction(method, model, scale, shift), self.models)
 
-    def _sweep(self, law: Law, dx0: Array | None, *, gaps: Array | None = None) -> tuple[Array, Array]:
-        """Return the motion of the linear dynamics under a law, which closes gaps."""
-        linearization = self._linearize()
-        A, B = linearization
-        return sweep_forward(A, B, law, dx0, c=gaps, pattern=linearization.pattern)
-
-    def motion(self, direction: DiscreteDirection) -> tuple[Array, Array]:
-        """Return the changes of states and inputs along a direction."""
-        if direction.dx is None or direction.du is None:
-            return self._sweep(direction, direction.dx0)
-        return direction.dx, direction.du
-
-    def _directions_of_start(self) -> Array:
-        """Return the directions (nx, n) in which the initial state may move."""
-        if self.start_directions is None:
-            free = None if isinstance(self.free_start, bool) else self.free_start
-            self.start_directions = self.system.start_directions(self.x[0], free)
-        return self.start_directions
-
-    def _start_step(self, model: LinearQuadraticSolution) -> Array | None:
-        """Return the change of the initial state at the model's minimum (dissertation 6.3.2.1); None if it is fixed."""
-        if self.free_start is False:
-            return None
-        from scipy.linalg.lapack import dposv  # slow to import, and not needed by most
-
-        Z = self._directions_of_start()
-        if not Z.size:
-            return np.zeros(len(Z))
-        _, step, _ = dposv(Z.T @ model.P0 @ Z, Z.T @ model.b[0])
-        return np.asarray(-Z @ step)
-
-    def _with_start(
-        self, model: LinearQuadraticSolution, hessian: Callable[[], ModelHessian]
-    ) -> LinearQuadraticSolution:
-        """Return the model, without a minimum if it has none over the initial state.
-
-        ``hessian``: gives the model's weights, which are asked for where it may have none.
-        """
-        self._flat = []
-        if self.free_start is False or not model.definite:
-            return model
-        Z = self._directions_of_start()
-        bend = Z.T @ model.P0 @ Z
-        if not len(bend):
-            return model
-        little = _FLAT * float(np.abs(bend).max())
-        if _is_definite(bend, little):
-            return model
-        # What a limit at the start itself weighs is added last, so no rounding of the rest is as large as that.
-        little = _FLAT * float(np.abs(bend - Z.T @ hessian().of_first_state @ Z).max())
-        if _is_definite(bend, little):
-            return model
-        values, vectors = np.linalg.eigh(bend)
-        least = float(values[0])
-        if least >= -little:
-            self._flat = self.system.unknowns_along(np.abs(Z @ vectors[:, values <= little]).max(axis=1))
-        message = f"P is not positive definite over the free initial state (smallest eigenvalue {least:.3g})."
-        return replace(model, definite=False, stage=0, message=message)
-
-    @property
-    def undetermined(self) -> str:
-        if not self._flat:
-            return ""
-        names = " and ".join(repr(name) for name in self._flat)
-        return (
-            f"The cost does not depend on {names} along this motion, neither to first nor to second order, so that "
-            "cannot be found. Start from a motion on which it has an effect, give it a price or a `weight` (what is "
-            "known of it), or leave it out of the unknowns."
-        )
+    def refined(self, direction: DiscreteDirection, *, holds: bool) -> DiscreteDirection:
+        return self.merit.refined(direction, self.models, holds=holds)
 
     def negative_curvature(self, scale: float) -> DiscreteDirection | None:
-        """Return a direction of negative curvature, where the undamped Newton model has one."""
-        gradient = self._gradient()
-        found = escape(
-            self._linearize(),
-            gradient,
-            self._hessian,
-            self._curvature_along(gradient),
-            self.free,
-            scale,
-        )
-        if found is None:
-            return None
-        dx, du, slope, bend = found
-        # A step that is expected to lower the cost by a tenth, but goes no further than a model may hold.
-        length = np.sqrt(0.2 * abs(self.value) / -bend)
-        reach = np.abs(dx).max(axis=0) / (1.0 + np.abs(self.x).max(axis=0))
-        length = min(length, 0.3 / float(reach.max()))
-        return DiscreteDirection(
-            "negative-curvature",
-            length * slope,
-            1.0,
-            bend=length**2 * bend,
-            gain=self.gain,  # with which the curvature was computed
-            C=du,
-            dx=length * dx,
-            du=length * du,
-        )
+        return self.models.negative_curvature(scale)
 
-    def _solve(
-        self, method: str, workspace: Workspace, scale: float = 0.0, shift: float = 0.0
-    ) -> LinearQuadraticSolution:
-        gradient = self._gradient()
-        hessian = self._hessian(scale if method == "newton" else 0.0)
-        if shift > 0.0:
-            hessian = shifted(hessian, shift)
-        linearization = self._linearize()
-        curvature = self._curvature_along(gradient) if method == "newton" else None
-        with self.clock("lq"):
-            return minimise_model(method, linearization, gradient, hessian, curvature, workspace, scale)
-
-    def _gradient(self) -> CostGradient:
-        """Return the first derivatives of what is minimised."""
-        return self.cost.gradient(self.x, self.u)
-
-    def _hessian(self, share: float = 1.0) -> ModelHessian:
-        """Return the second derivatives of what is minimised, without the dynamics' part.
-
-        Of what bends downwards only a share is in it, as of the curvature of the dynamics.
-        """
-        if self.exact is None:
-            self.exact = self._second_derivatives(convex=False)
-        if share == 1.0:
-            return self.exact
-        if self.convex is None:
-            self.convex = self._second_derivatives(convex=True)
-        return between(self.convex, self.exact, share)
-
-    def _second_derivatives(self, *, convex: bool) -> ModelHessian:
-        """Return them with all of what bends downwards, or with none."""
-        found = self.cost.model_hessian(self.x, self.u, convex=convex)
-        return self.exact if convex and self.exact is not None and same(found, self.exact) else found
-
-    def _linearize(self) -> Linearization:
-        if self.linearization is None:
-            with self.clock("linearize"):
-                self.linearization = linearized(self.system, self.x, self.u, self.old_linearization)
-            self.old_linearization = self.linearization
-        return self.linearization
-
-    def _curvature_along(self, gradient: CostGradient) -> Array:
-        if self.curvature is None:
-            linearization = self._linearize()
-            with self.clock("lq"):
-                A, B = linearization
-                z = adjoint(A, B, self.gain, *gradient, pattern=linearization.pattern)
-            with self.clock("curvature"):
-                self.curvature = linearization.packed_curvature(z)
-        return self.curvature
-
-    def _own_gain(self) -> Array | None:
-        """Return the projection's own gains about the current iterate, if it has any."""
-        if self.lqr is None:
-            return None
-        if self.feedback is None:
-            with self.clock("lq"):
-                self.gain = self.feedback = regulate(*self._linearize(), workspace=self.lqr)
-        return self.gain
-
-    def forget(self) -> None:
-        self.linearization = self.start_directions = None
-        self._forget_cost()
-
-    def _forget_cost(self) -> None:
-        """Forget what the cost had a part in."""
-        self.exact = self.convex = self.curvature = self.quasi_newton = self.feedback = None
-
-    # ---- Steps ----------------------------------------------------------------------------------
-
-    def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[Iterate] | Refusal:
-        xbar, ubar = direction.curve(self.x, self.u, length)
-        x0 = xbar[0]
-        if direction.dx0 is not None:
-            try:
-                x0 = self.system.moved_start(self.x[0], length * direction.dx0)
-            except LeastActionError as error:
-                return Refusal(f"the initial state cannot move so far: {error}", 0, failed=True)
-        return try_projection(
-            self.system,
-            self.cost,
-            (xbar, ubar, direction.gain),
-            x0,
-            bound=bound,
-            worst=self.worst_step,
-            chunk=self.chunk,
-            explain=lambda x, refusal: self._look_for_leap(direction, length, x, refusal),
-        )
-
-    def _look_for_leap(self, direction: DiscreteDirection, length: float, x: Array, refusal: Refusal) -> Refusal:
-        """Return the refusal of a trial, the better explained if one step of time leapt to another solution.
-
-        ``x``: its states, up to where it ended.
-        """
-        if length > SHORT and direction.shift == 0.0:
-            return refusal
-        dx = direction.dx
-        if dx is None:
-            dx = self._sweep(direction, direction.dx0)[0]
-        leapt = leap(self.system, self.x, length * dx, x, length)
-        return refusal if leapt is None else replace(leapt, coarsest=refusal.coarsest)
-
-    def accept(self, direction: DiscreteDirection, trial: Trial[Iterate]) -> None:
-        x, u, self.worst_step = trial.iterate
-        self.x, self.u = read_only(x), read_only(u)
-        self.value, self.gain = trial.cost, direction.gain
-        if direction.gain is self.free.K:
-            self.free, self.held = self.held, self.free
-        self.forget()
+    def left_beside_rounding(self) -> float:
+        limits = self.limits
+        if self.here.is_open or limits is None or not self.has_curvature:
+            return np.inf
+        return limits.left_beside_rounding(self.models)
 
     def where(self, direction: DiscreteDirection) -> str:
-        A, B = self._linearize()
-        gradient = self._gradient()
-        z = adjoint(A, B, direction.gain, *gradient)
-        feedforward = -direction.C
-        if direction.dx is not None and direction.du is not None:
-            feedforward = direction.du + np.einsum("kux,kx->ku", direction.gain, direction.dx[:-1])
-        # By the gains of the direction, its slope is that of the feedforward alone.
-        shares = feedforward * (gradient.r + np.einsum("kxu,kx->ku", B, z[1:]))
-        k, i = np.unravel_index(np.argmin(shares), shares.shape)
-        return f"{self.system.input_name(int(i))!r} around {self.system.when(int(k))}"
+        return self.models.where(direction)
+
+    # ---- Steps ------------------------------------------------------------------------------------
+
+    def first_step(self, direction: DiscreteDirection, length: float) -> float:
+        if self.final_time is not None and direction.dx0 is not None:
+            # No model holds as far as to a motion that lasts much shorter.
+            lasts, change = self.x[0, self.final_time] - self.system.time(0), direction.dx0[self.final_time]
+            if length * change < -_SHORTER * lasts:
+                length = float(-_SHORTER * lasts / change)
+        return self.steps.first_step(direction, length)
+
+    def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[Iterate] | Refusal:
+        return self.steps.simulate(direction, length, bound)
+
+    def promised(self, direction: DiscreteDirection, length: float) -> float:
+        return self.steps.promised(direction, length)
+
+    def accept(self, direction: DiscreteDirection, trial: Trial[Iterate]) -> None:
+        self.steps.accept(direction, trial)
+        self.grid.note_step()
 
     def keep_feedback(self, direction: DiscreteDirection) -> None:
-        self.feedback = direction.gain
+        self.models.feedback = direction.gain
+        if self.limits is not None:
+            self.limits.are_settled = True
 
-    # ---- What is told ---------------------------------------------------------------------------
+    def forget(self) -> None:
+        self.models.forget()
+
+    # ---- What is told -----------------------------------------------------------------------------
 
     def arrays(self) -> tuple[Array, Array]:
-        return self.x, self.u
+        return self.grid.arrays(self.here)
 
     def result(self, summary: dict[str, Any]) -> OptimizationResult:
-        feedback = self.feedback
+        return self.grid.result(self, summary)
+
+    def told(self, summary: dict[str, Any]) -> OptimizationResult:
+        """Return the result in steps of time at the current iterate; before there is a trajectory again, at the one before."""
+        feedback = self.models.feedback
         if feedback is None:
             feedback = self._final_feedback()
-        return OptimizationResult(
-            x=self.x, u=self.u, K=feedback, projection_gain=self.gain, **summary, **told_of(self.system)
-        )
+        here, before = self.here, self.begun.earlier
+        result = OptimizationResult(
+            x=here.x, u=here.u, K=feedback, projection_gain=here.gain, gap=self.gap, memory=self.memory(),
+            limits=self.report() if self.rows else None, **summary, **told_of(self.system),
+        )  # fmt: skip
+        if here.is_open and before is not None:
+            return changed(
+                result, x=before.x, u=before.u, K=before.gain, projection_gain=before.gain,
+                cost=self.asked.value(before.x, before.u), worst_step=before.worst_step, gap=0.0,
+            )  # fmt: skip
+        return result
 
     def _final_feedback(self) -> Array:
         """Return gains about the last iterate, for a run that ended before it had any."""
         try:
-            solution = self._solve("quasi-newton", self.free)
-            return solution.K if solution.definite else regulate(*self._linearize())
+            solution = self.models.solve("quasi-newton", self.work.free)
+            return solution.K if solution.definite else regulate(*self.models.linearize())
         except LeastActionError:
-            return self.gain
+            return self.here.gain
 
+    def memory(self) -> Memory:
+        """Return what resuming needs beside the iterate."""
+        begun, curve = self.begun, self.curve
+        return Memory(
+            start=begun.given, wanted=begun.wanted, first=begun.first, earlier=begun.earlier, ease=self.ease,
+            gaps=None if curve is None else curve.memory(),
+        )  # fmt: skip
 
-def least_of(model: LinearQuadraticSolution, dx0: Array | None) -> float:
-    """Return the value of a model at its minimum: that for ``dx_0 = 0``, and what its dx_0 adds, where that is free."""
-    return model.constant if dx0 is None else model.constant + 0.5 * float(model.b[0] @ dx0)
-
-
-def _is_definite(matrix: Array, least: float) -> bool:
-    """Whether all eigenvalues of a symmetric matrix are larger than some number."""
-    from scipy.linalg.lapack import dpotrf  # slow to import, and not needed by most
-
-    lowered = matrix.copy()
-    lowered.flat[:: len(matrix) + 1] -= least
-    return int(dpotrf(lowered)[1]) == 0
+    def report(self) -> LimitReport:
+        """Return what is told of the limits."""
+        limits = self.limits
+        assert limits is not None
+        earlier = self.begun.earlier if self.here.is_open else None
+        return limits.report(self.models, newton=self.has_curvature, at=earlier)

@@ -14,11 +14,10 @@ import numpy as np
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.discrete.easing import EasedProblem
-from leastaction.optimal.discrete.shooting import Gapped
+from leastaction.optimal.discrete.curve import Gapped
+from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.limit import Bound
-from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.loop.ending import STUCK, Outcome, coarse_step
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.way import Way
@@ -28,8 +27,6 @@ from leastaction.optimal.result import OptimizationResult, Status
 _ENOUGH = 0.35  # angle (rad) that a step may turn by where steps of time are short enough for a motion
 _NAMED = 3  # instants that are named in a message
 
-Asked = EasedProblem | LimitedProblem
-
 
 def _applies(run: Run, outcome: Outcome | None) -> bool:
     """Where it is stuck at steps of time that are too coarse, once; and where the search within that limit ended."""
@@ -38,9 +35,10 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
     if run.resolved is not None:
         return outcome.status not in (Status.ITERATION_LIMIT, Status.STOPPED_BY_CALLBACK, Status.INTERRUPTED)
     problem = run.problem
-    if "resolved" in run.taken or outcome.status not in STUCK or not isinstance(problem, Asked):
+    assert isinstance(problem, DiscreteProblem)
+    if "resolved" in run.taken or outcome.status not in STUCK:
         return False
-    return not problem.is_open and (outcome.barred or coarse_step(problem, outcome) is not None)
+    return not problem.here.is_open and (outcome.barred or coarse_step(problem, outcome) is not None)
 
 
 def _begin(run: Run, outcome: Outcome | None) -> bool:
@@ -51,13 +49,14 @@ def _begin(run: Run, outcome: Outcome | None) -> bool:
 def _set_out(run: Run, outcome: Outcome) -> bool:
     """Begin again within the limit; whether that can be done."""
     asked = run.problem
-    assert isinstance(asked, Asked)
+    assert isinstance(asked, DiscreteProblem)
     run.taken = (*run.taken, "resolved")
     within = within_resolved(asked)
     if within is None:
         return False
     # From the first trajectory, which has not come to coarse steps yet; from where it stands if that cannot be.
-    starts = [(asked.x, asked.u)] if asked.first is None else [(asked.first.x, asked.first.u), (asked.x, asked.u)]
+    first, here = asked.begun.first, (asked.x, asked.u)
+    starts = [here] if first is None else [(first.x, first.u), here]
     if not any(_can_start(within, start) for start in starts):
         return False
     steps = [step.angle for step in (asked.worst_step, outcome.refused) if step is not None]
@@ -66,7 +65,7 @@ def _set_out(run: Run, outcome: Outcome) -> bool:
     return True
 
 
-def _can_start(within: LimitedProblem, start: tuple[Array, Array]) -> bool:
+def _can_start(within: DiscreteProblem, start: tuple[Array, Array]) -> bool:
     try:
         within.start(start)
     except LeastActionError:
@@ -77,8 +76,8 @@ def _can_start(within: LimitedProblem, start: tuple[Array, Array]) -> bool:
 def _drop(run: Run, outcome: Outcome) -> bool:
     """Go on without the limit, where it holds nothing back; or back to where the run was stuck, if that is cheaper."""
     within, asked, state = run.problem, run.asked_problem, run.resolved
-    assert isinstance(within, LimitedProblem)
-    assert isinstance(asked, Asked)
+    assert isinstance(within, DiscreteProblem)
+    assert isinstance(asked, DiscreteProblem)
     assert state is not None
     report = within.report()
     if outcome.status in (Status.CONVERGED, Status.STALLED):
@@ -92,15 +91,15 @@ def _drop(run: Run, outcome: Outcome) -> bool:
             return False
         asked.go_on_from(before.x, before.u, None)
         why = "what the steps of time resolve led nowhere: back to where it stood"
-    asked.rollouts = within.rollouts
+    asked.work.count_on(within.work)
     run.resolved, run.problem = None, asked
     run.begin_again("", why)
     return True
 
 
-def _of_asked(asked: Asked, report: LimitReport) -> LimitReport | None:
+def _of_asked(asked: DiscreteProblem, report: LimitReport) -> LimitReport | None:
     """Return what is told of the limits that were asked for: they come first."""
-    if not isinstance(asked, LimitedProblem):
+    if asked.barrier is None:
         return None
     return LimitReport(report.sides[: len(report.sides) - 2], report.mu, report.excess)
 
@@ -111,25 +110,25 @@ def _active(report: LimitReport) -> np.ndarray[Any, np.dtype[np.int64]]:
     return np.flatnonzero(active)
 
 
-def within_resolved(asked: Asked) -> LimitedProblem | None:
+def within_resolved(asked: DiscreteProblem) -> DiscreteProblem | None:
     """Return a problem with what its steps of time resolve as a limit beside its own; None where nothing is known."""
     resolved = asked.system.resolved_rates()
     if resolved is None:
         return None
     names, rates = resolved
-    rows = list(asked.limited.rows) if isinstance(asked, LimitedProblem) else []
+    rows = list(asked.rows)
     rows += Bound(names, -rates, rates, of="rate").rows(asked.system, 0 if asked.free_start is not False else 1)
     # A start that no roll-out can follow opens with gaps, where gaps are allowed.
     gapped: Gapped = "never" if asked.gapped == "never" else "where needed"
-    within = LimitedProblem(asked.system, asked.asked, rows, asked.settings, asked.free_start, gapped)
-    within.clock, within.rollouts = asked.clock, asked.rollouts
+    within = DiscreteProblem(asked.system, asked.asked, asked.settings, rows, asked.free_start, gapped)
+    within.work.count_on(asked.work)
     return within
 
 
 def resumed(run: Run, result: OptimizationResult, memory: Memory) -> None:
     """Have a run stand where an earlier one ended within the limit."""
     asked = run.problem
-    assert isinstance(asked, Asked)
+    assert isinstance(asked, DiscreteProblem)
     within = within_resolved(asked)
     assert within is not None
     asked.recall(memory)
@@ -143,7 +142,7 @@ def _judge(run: Run, outcome: Outcome) -> Outcome:
     within, state = run.problem, run.resolved
     if state is None or outcome.status not in (Status.CONVERGED, Status.STALLED):
         return outcome
-    assert isinstance(within, LimitedProblem)
+    assert isinstance(within, DiscreteProblem)
     at = _active(within.report())
     if not at.size:
         return outcome
@@ -152,7 +151,7 @@ def _judge(run: Run, outcome: Outcome) -> Outcome:
     more = f" and {at.size - _NAMED} more" if at.size > _NAMED else ""
     names = [
         name
-        for j, name in enumerate(within.limited.rows[-1].quantity.names)
+        for j, name in enumerate(within.rows[-1].quantity.names)
         if any(side.active[:, j].any() for side in within.report().sides[-2:])
     ]
     shorter = max(2, int(np.ceil(state.angle / _ENOUGH)))
