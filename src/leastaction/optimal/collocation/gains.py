@@ -15,7 +15,12 @@ from leastaction.optimal.system import Linearization
 
 
 def regulator_along(
-    on_mesh: CollocationSystem, own_cost: ContinuousCost, curve: DenseTrajectory, linearization: Linearization, x: Array, u: Array
+    on_mesh: CollocationSystem,
+    own_cost: ContinuousCost,
+    curve: DenseTrajectory,
+    linearization: Linearization,
+    x: Array,
+    u: Array,
 ) -> PiecewisePolynomial:
     """Return the gains of the cost's own regulator, without limits, and no feedforward, as functions of time."""
     system, mesh, layout = on_mesh.system, on_mesh.mesh, on_mesh.layout
@@ -52,4 +57,3 @@ def regulator_along(
     between = between + h * s * (1.0 - s) * ((1.0 - s) * begin - s * end)
     K = gains(fine.t, between.reshape(-1, nx, nx))[0].reshape(len(fine.t), -1)
     return fine.fit(np.hstack([K, np.zeros((len(K), nu))]), (nu * nx + nu,))
-

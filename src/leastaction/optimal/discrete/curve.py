@@ -109,7 +109,7 @@ class CurveSteps(Steps):
         return 1 if self.curve.length == 1.0 and self.are_closed else self.longest
 
     def tolerated(self, goal: float) -> float:
-        """Return the expected decrease that is small enough: where nothing but gaps is left, closing them gains none."""
+        """Return the expected decrease that is small enough: closing what is left of gaps is expected to gain none."""
         return max(goal, _LOOSE * abs(self.models.here.value)) if self.are_closed else 0.0
 
     def unfinished(self, returned: str) -> str:
@@ -142,9 +142,7 @@ class CurveSteps(Steps):
 
     # ---- Steps ------------------------------------------------------------------------------------
 
-    def direction(
-        self, method: str, model: LinearQuadraticSolution, scale: float, shift: float
-    ) -> DiscreteDirection:
+    def direction(self, method: str, model: LinearQuadraticSolution, scale: float, shift: float) -> DiscreteDirection:
         """Return the direction of a model that has a minimum, and choose the penalty so that it is one of descent."""
         models, curve = self.models, self.curve
         dx0 = models.start_step(model)

@@ -42,6 +42,7 @@ from leastaction.optimal.result import OptimizationResult, Status
 _LOST = 10.0  # factor in cost by which a projection has lost a curve
 _SAME = 1e-6  # relative difference of a cost from that of a start that was found, by which it is another cost
 _SHORTER = 0.7  # part of what a motion lasts that a step of the search takes off at most
+_DEARER = 20.0  # price of what is asked at one instant, over that of others, where steps of time may shrink
 _AHEAD = 5  # iterations without obstacles, after which it is seen whether they stand in the way
 _LONGEST_INSTEAD = 100  # iterations with gaps that take the place of a search that was stuck
 
@@ -50,11 +51,13 @@ _LONGEST_INSTEAD = 100  # iterations with gaps that take the place of a search t
 class Begun:
     """What a search began with, and where it may begin again.
 
-    ``given``: the start, until gaps were tried from there. ``wanted``: what they are tried from once more. ``first``:
+    ``given``: the start, until gaps were tried from there. ``curve``: what was
+    given to begin with, where there are limits. ``wanted``: what gaps are tried from once more. ``first``:
     the trajectory that it began with. ``earlier``: where it stood before there were gaps.
     """
 
     given: Start | None = None
+    curve: Start | None = None
     wanted: Start | None = None
     first: Start | None = None
     earlier: Place | None = None
@@ -82,6 +85,8 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         made to last ever shorter, which also costs ever less: only the price of what is not reached stands against a
         motion of no time at all, where every search ends. It has to be high from the beginning, and higher still where
         a search ends so.
+    dearer : float, optional
+        Price of what is asked at a single instant, over that of others, at first.
     grid : TimeGrid, optional
         The times of the steps; the system's own if left out.
     work : Work, optional
@@ -100,6 +105,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         gapped: Gapped = "never",
         *,
         final_time: int | None = None,
+        dearer: float | None = None,
         grid: TimeGrid | None = None,
         work: Work | None = None,
     ) -> None:
@@ -112,7 +118,8 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         self.plain = CostMerit(cost, self.here)
         self.barrier: BarrierMerit | None = None
         if rows:
-            self.barrier = barrier_merit(system, cost, self.rows, self.here, settings, final=final_time is not None)
+            dearer = dearer or (1.0 if final_time is None else _DEARER)
+            self.barrier = barrier_merit(system, cost, self.rows, self.here, settings, dearer)
         self.models = Models(system, self.plain, self.here, self.work, FreeStart(system, free_start))
         self.trajectory_steps = TrajectorySteps(self.models, settings.chunk)
         self.renew()
@@ -241,9 +248,10 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         # What was found with another cost is no minimum of this one.
         same = found is not None and abs(self.shown - found.cost) <= _SAME * abs(found.cost)
         self.begins_at_minimum = found is not None and found.success and same
+        x, u = pair_of(initial)
+        begun.curve = Start(read_only(np.array(x, dtype=np.float64)), read_only(np.array(u, dtype=np.float64)))
         if self.final_time is not None:
-            x, u = pair_of(initial)
-            begun.given = Start(np.array(x, dtype=np.float64), np.array(u, dtype=np.float64))
+            begun.given = begun.curve
         if begun.given is not None:
             begun.given = replace(begun.given, was_found=found is not None)
             begun.wanted = self._wanted_from(begun.given)
@@ -327,16 +335,14 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
             x = as_array(result.x, "resume.x", (N + 1, nx), meaning="(N+1, nx)")
             u = as_array(result.u, "resume.u", (N, nu), meaning="(N, nu)")
             here.move(x, u, result.worst_step)
-            here.gain = as_array(
-                result.projection_gain, "resume.projection_gain", (N, nu, nx), meaning="(N, nu, nx)"
-            )
+            here.gain = as_array(result.projection_gain, "resume.projection_gain", (N, nu, nx), meaning="(N, nu, nx)")
             here.value = self.plain.cost.value(here.x, here.u)
         if self.barrier is not None:
             self.put_limits_in(result, resumed=True)
 
     def recall(self, memory: Memory) -> None:
         """Remember what an earlier run did of its way."""
-        self.begun = Begun(memory.start, memory.wanted, memory.first, memory.earlier)
+        self.begun = Begun(memory.start, memory.curve, memory.wanted, memory.first, memory.earlier)
         self.set_ease(memory.ease)
 
     # ---- Limits -----------------------------------------------------------------------------------
@@ -537,7 +543,9 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
                 raise
         self.models.forget()
         earlier, begun.earlier, begun.given = begun.earlier, None, None
-        back = not (closed or earlier is None or self._asked(self.x, self.u, self.value) < self._asked(earlier.x, earlier.u))
+        back = not (
+            closed or earlier is None or self._asked(self.x, self.u, self.value) < self._asked(earlier.x, earlier.u)
+        )
         if back:
             assert earlier is not None
             self.go_to(earlier)
@@ -667,7 +675,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         return self.grid.result(self, summary)
 
     def told(self, summary: dict[str, Any]) -> OptimizationResult:
-        """Return the result in steps of time at the current iterate; before there is a trajectory again, at the one before."""
+        """Return the result in steps of time: at the iterate, or where it stood before, while there are gaps."""
         feedback = self.models.feedback
         if feedback is None:
             feedback = self._final_feedback()
@@ -695,8 +703,8 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         """Return what resuming needs beside the iterate."""
         begun, curve = self.begun, self.curve
         return Memory(
-            start=begun.given, wanted=begun.wanted, first=begun.first, earlier=begun.earlier, ease=self.ease,
-            gaps=None if curve is None else curve.memory(),
+            start=begun.given, curve=begun.curve, wanted=begun.wanted, first=begun.first, earlier=begun.earlier,
+            ease=self.ease, gaps=None if curve is None else curve.memory(),
         )  # fmt: skip
 
     def report(self) -> LimitReport:

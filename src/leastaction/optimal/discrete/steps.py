@@ -13,9 +13,7 @@ class Steps(ABC):
     """Directions from an iterate, and steps along them: of trajectories, or of curves with gaps."""
 
     @abstractmethod
-    def direction(
-        self, method: str, model: LinearQuadraticSolution, scale: float, shift: float
-    ) -> DiscreteDirection:
+    def direction(self, method: str, model: LinearQuadraticSolution, scale: float, shift: float) -> DiscreteDirection:
         """Return the direction of a model that has a minimum."""
 
     @abstractmethod

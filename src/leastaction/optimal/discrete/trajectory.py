@@ -1,4 +1,4 @@
-"""Iterates that are trajectories: a step along a direction is projected, and the cost of that tells how far it leads."""
+"""Iterates that are trajectories: a step along a direction is projected, and its cost tells how far to go."""
 
 from __future__ import annotations
 
@@ -23,9 +23,7 @@ class TrajectorySteps(Steps):
     def __init__(self, models: Models, chunk: int) -> None:
         self.models, self.chunk = models, chunk
 
-    def direction(
-        self, method: str, model: LinearQuadraticSolution, scale: float, shift: float
-    ) -> DiscreteDirection:
+    def direction(self, method: str, model: LinearQuadraticSolution, scale: float, shift: float) -> DiscreteDirection:
         models = self.models
         own_gain = models.own_gain()
         dx = du = None

@@ -33,8 +33,8 @@ _ACTIVE = 1e-6  # most room of a limit that is active, in its scale
 class BarrierMerit(Merit):
     """A cost with the elastic barriers of limits, whose duals move along with the iterate.
 
-    ``duals``, ``stages``: those of the limits. ``newton_change``: of the limits, along Newton's undamped direction; None
-    if that is not known. ``are_settled``: whether no step of the duals is needed any more.
+    ``duals``, ``stages``: those of the limits. ``newton_change``: of the limits, along Newton's undamped direction;
+    None if that is not known. ``are_settled``: whether no step of the duals is needed any more.
     """
 
     sees_walls = True

@@ -19,16 +19,15 @@ from leastaction.optimal.limits.stages import BarrierStages
 from leastaction.optimal.options import Options
 
 _DIGITS = 1e3 * float(np.finfo(np.float64).eps)  # least room that is told from none, in parts of a limit's size
-_DEARER = 20.0  # price of what is asked at one instant, over that of others, where steps of time may shrink
 
 
 def barrier_merit(
-    system: DiscreteSystem, cost: Cost, rows: Sequence[Rows], here: Here, settings: Options, *, final: bool
+    system: DiscreteSystem, cost: Cost, rows: Sequence[Rows], here: Here, settings: Options, dearer: float
 ) -> BarrierMerit:
-    """Return a cost with the barriers of limits; ``final``: whether the time at which the motion ends is found too."""
+    """Return a cost with the barriers of limits; ``dearer``: as of `BarrierStages`."""
     check_agreement(rows, system.when)
     limited = LimitedCost(cost, rows, system.nx, system.nu)
-    stages = BarrierStages(limited.duals, settings.tolerance, _DIGITS, _DEARER if final else 1.0)
+    stages = BarrierStages(limited.duals, settings.tolerance, _DIGITS, dearer)
     return BarrierMerit(limited, stages, here)
 
 
