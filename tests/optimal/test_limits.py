@@ -40,7 +40,6 @@ from leastaction.optimal import (
     adjoint,
     optimize,
 )
-from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.limit_report import LimitReport, LimitState
 from leastaction.optimal.limits.barrier import (
     Point,
@@ -59,6 +58,7 @@ from leastaction.optimal.line_search import SearchStep, Trial
 from leastaction.optimal.loop.problem import Direction
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.quantity import Quantity, Samples, WeightedSum
+from leastaction.optimal.search.problem import DiscreteProblem
 from leastaction.systems import Ball, Box, HalfSpace, Keep, MidpointSystem, PlaceCost
 
 N, DT = 150, 0.02
@@ -869,7 +869,7 @@ def test_stages_end_without_a_model_that_only_says_so(
     solved, minimise = [], DiscreteProblem.minimise_model
 
     def counted(self: DiscreteProblem, method: str, scale: float, shift: float = 0.0):
-        solved.append(self.barrier.duals.mu)
+        solved.append(self.parts.barrier.duals.mu)
         return minimise(self, method, scale, shift)
 
     monkeypatch.setattr(DiscreteProblem, "minimise_model", counted)
@@ -966,8 +966,8 @@ def test_further_steps_of_a_model_lead_to_where_it_is_least(free_start: bool) ->
     """Of a linear system it is the cost itself: what they foretell comes true, and little is left to be gained."""
     limits = [Bound("*", -0.5, 0.4, of="input"), Bound("x[1]", -0.3, 0.6)]
     problem = linear_within(limits, free_start=free_start)
-    problem.barrier.duals.mu *= 1e-3
-    problem.set_out()
+    problem.parts.barrier.duals.mu *= 1e-3
+    problem.parts.set_out()
     gained = []
     for holds in (False, True):
         direction = problem.direction("quasi-newton", problem.minimise_model("quasi-newton", 0.0), 0.0)
@@ -998,8 +998,8 @@ def test_a_full_step_goes_on_within_the_model_where_barriers_bend_along_it(most:
         trial = problem.simulate(found, problem.first_step(found, 1.0), np.inf)
         assert isinstance(trial, Trial)
         problem.accept(found, trial)
-    problem.barrier.duals.mu *= 0.03
-    problem.set_out()
+    problem.parts.barrier.duals.mu *= 0.03
+    problem.parts.set_out()
     first = direction(holds=False)
     assert first.reach == 1.0
     more = direction(holds=True).promise / first.promise
@@ -1101,8 +1101,8 @@ def test_what_does_not_bend_has_one_model(cart: MidpointSystem, cost: QuadraticC
     for rows, same in ((straight, True), (bent, False)):
         problem = DiscreteProblem(cart, cost, settings, rows)
         problem.start(REST)
-        exact = problem.merit.hessian(1.0, problem.models)
-        assert (problem.merit.hessian(0.0, problem.models) is exact) is same
+        exact = problem.parts.merit.hessian(1.0, problem.parts.models)
+        assert (problem.parts.merit.hessian(0.0, problem.parts.models) is exact) is same
 
 
 def test_a_share_of_what_bends_lies_between_none_and_all_of_it(cart: MidpointSystem, cost: QuadraticCost) -> None:
@@ -1114,8 +1114,8 @@ def test_a_share_of_what_bends_lies_between_none_and_all_of_it(cart: MidpointSys
     rows = Keep("bob", outside=Ball((0.3, -0.95, 0.0), 0.05)).rows(cart, 1)
     problem = DiscreteProblem(cart, bent, settings, rows)
     problem.start(start)
-    whole = problem.merit.hessian(1.0, problem.models)
-    none, part = (problem.merit.hessian(share, problem.models).whole() for share in (0.0, 0.3))
+    whole = problem.parts.merit.hessian(1.0, problem.parts.models)
+    none, part = (problem.parts.merit.hessian(share, problem.parts.models).whole() for share in (0.0, 0.3))
     for low, between, high in zip(none, part, whole.whole(), strict=True):
         if low is not None:
             np.testing.assert_allclose(between, low + 0.3 * (high - low), rtol=0, atol=1e-9 * np.abs(high).max())
@@ -1126,7 +1126,8 @@ def test_a_share_of_what_bends_lies_between_none_and_all_of_it(cart: MidpointSys
         other.start(start)
         assert (
             np.abs(
-                other.merit.hessian(0.0, other.models).whole().Q - other.merit.hessian(1.0, other.models).whole().Q
+                other.parts.merit.hessian(0.0, other.parts.models).whole().Q
+                - other.parts.merit.hessian(1.0, other.parts.models).whole().Q
             ).max()
             > 0.1
         )
@@ -1160,7 +1161,7 @@ def test_a_step_that_barriers_alone_shortened_does_not_shorten_the_next(rollouts
     for problem in (limited, DiscreteProblem(system, cost, settings)):
         run = Run(problem, settings, None)
         step = SearchStep(Trial(None, 1.0), 0.01, rollouts, None)
-        problem.here.value = 1.0
+        problem.parts.here.value = 1.0
         run.note_step(Direction("newton", -1.0, 1.0), step, decrease=0.1, agreement=0.2, cost=0.9)
         assert run.schedule.length == (1.0 if problem is limited and rollouts == 1 else 0.01)
 

@@ -14,12 +14,12 @@ import pytest
 from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal import FunctionSystem, IterationTable, QuadraticCost, Status, optimize
-from leastaction.optimal.discrete.problem import DiscreteProblem
-from leastaction.optimal.discrete.trial import try_projection
+from leastaction.optimal.iterates.trial import try_projection
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop.ending import Outcome, coarse_step, message
 from leastaction.optimal.options import Options
 from leastaction.optimal.schedule import NewtonSchedule
+from leastaction.optimal.search.problem import DiscreteProblem
 from optimal.systems import CartPendulum
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))

@@ -22,13 +22,13 @@ from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult
 from leastaction.optimal.discrete.cost import Cost
-from leastaction.optimal.discrete.curve import Gapped
-from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.discrete.system import DiscreteSystem, given_start
+from leastaction.optimal.iterates.curve import Gapped
 from leastaction.optimal.limits.limit import Limit, checked_limits
 from leastaction.optimal.loop import Callback, Loop, Problem
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.search.problem import DiscreteProblem
 from leastaction.optimal.system import check_system
 from leastaction.optimal.unknowns.extension import Extension, checked_unknowns
 from leastaction.optimal.unknowns.periodic import Periodic
@@ -171,11 +171,11 @@ class Optimizer:
             return problem
         given.renew()
         if resume is None:
-            if isinstance(initial, OptimizationResult) and not given.rows:
+            if isinstance(initial, OptimizationResult) and not given.parts.rows:
                 initial = initial.x, initial.u
             given.start(initial)
         elif resume.memory is None or resume.memory.resolved is None:  # within that it stands elsewhere
-            _check_resumed(resume, has=bool(given.rows))
+            _check_resumed(resume, has=bool(given.parts.rows))
             given.resume(resume)
         return given
 

@@ -20,10 +20,8 @@ from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
-from leastaction.optimal.discrete.grid import TimeGrid
-from leastaction.optimal.discrete.here import Here
-from leastaction.optimal.discrete.problem import DiscreteProblem
-from leastaction.optimal.discrete.work import Work
+from leastaction.optimal.iterates.here import Here
+from leastaction.optimal.iterates.work import Work
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.merit import BarrierMerit
@@ -31,6 +29,8 @@ from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.memory import Memory, OnMesh
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.search.grid import TimeGrid
+from leastaction.optimal.search.problem import DiscreteProblem
 
 # Pieces of the first mesh, and of the last one at most; how often it is made finer.
 _FIRST, _FIRST_MOST, _MOST, _ROUNDS = 16, 128, 1500, 9
@@ -144,6 +144,7 @@ class MeshGrid(TimeGrid):
         cost = collocation_cost(whole.own.cost, self.mesh, self.system.layout)
         return DiscreteProblem(
             self.system, cost, whole.settings, list(_rows(self.sides)), whole.free_start, grid=self,
+            finer=self.finer, results=self.result,
             work=Work(self.system.N, self.system.nx, self.system.nu, clock=whole.own.clock),
         )  # fmt: skip
 
@@ -154,19 +155,19 @@ class MeshGrid(TimeGrid):
         """
         problem = self._problem()
         if before is not None:
-            problem.work.count_on(before)
+            problem.parts.work.count_on(before)
         problem.start(self._nodes(curve))
-        if problem.barrier is not None:
-            self._carry(problem, problem.barrier, densities)
+        if problem.parts.barrier is not None:
+            self._carry(problem, problem.parts.barrier, densities)
         return problem
 
     def resume(self, mesh: OnMesh, result: OptimizationResult) -> DiscreteProblem:
         """Return the problem where an earlier run ended."""
         problem = self._problem()
-        here = problem.here
+        here = problem.parts.here
         here.move(mesh.x, mesh.u, None)
-        here.gain, here.value = mesh.gain, problem.plain.cost.value(mesh.x, mesh.u)
-        problem.put_limits_in(resumed=True)
+        here.gain, here.value = mesh.gain, problem.parts.plain.cost.value(mesh.x, mesh.u)
+        problem.beginning.put_limits_in(resumed=True)
         if result.limits is not None or self.sides:
             self._restore(problem, result.limits)
         return problem
@@ -190,21 +191,21 @@ class MeshGrid(TimeGrid):
     def note_step(self) -> None:
         self.moved = True
 
-    def following(self, problem: DiscreteProblem) -> DiscreteProblem | None:
+    def finer(self, problem: DiscreteProblem) -> DiscreteProblem | None:
         """Return the problem with shorter pieces where the motion asks for them."""
-        limits = problem.limits
+        limits = problem.parts.limits
         if self.rounds >= _ROUNDS or not (limits is None or limits.stages.are_met(limits.limits())):
             return None
-        coarse = self._coarse(problem.here)
+        coarse = self._coarse(problem.parts.here)
         mesh = self.mesh.halved(coarse)
         if not coarse.any() or mesh.N > _MOST:
             return None
-        curve, densities = self.curve(problem.here), _densities(self._report(problem))
+        curve, densities = self.curve(problem.parts.here), _densities(self._report(problem))
         try:
-            following = MeshGrid(self.whole, mesh, self.rounds + 1).start(curve, densities, problem.work)
+            following = MeshGrid(self.whole, mesh, self.rounds + 1).start(curve, densities, problem.parts.work)
         except ArgumentError:
             # The motion on the mesh before is an answer; a finer one could not be set out on.
-            following = MeshGrid(self.whole, self.mesh, _ROUNDS).start(curve, densities, problem.work)
+            following = MeshGrid(self.whole, self.mesh, _ROUNDS).start(curve, densities, problem.parts.work)
         return following
 
     def _coarse(self, here: Here) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
@@ -265,13 +266,13 @@ class MeshGrid(TimeGrid):
                     i += 1
         duals.settle_prices()
         duals.mu = max(_AGAIN * stages.first_mu, stages.last)
-        problem.set_out()
+        problem.parts.set_out()
 
     def _restore(self, problem: DiscreteProblem, given: LimitReport | None) -> None:
         """Go on with the duals of an earlier run."""
         if given is None:
             raise ArgumentError("resume: got a result without limits, expected those of this call. Give it as initial")
-        limits = problem.limits
+        limits = problem.parts.limits
         labels = () if limits is None else self._report(problem).labels
         if limits is None or given.labels != labels:
             raise ArgumentError(
@@ -286,7 +287,7 @@ class MeshGrid(TimeGrid):
         stages.last = barrier.last_mu
         limits.duals.restore(given.mu, barrier)
         limits.forget_leeway()  # they may have been lent another
-        problem.set_out()
+        problem.parts.set_out()
 
     # ---- What is told -----------------------------------------------------------------------------
 
@@ -296,9 +297,9 @@ class MeshGrid(TimeGrid):
         return here.x[:, : self.whole.own.system.nx].copy(), self.mesh.inputs_at_breaks(inputs)
 
     def result(self, problem: DiscreteProblem, summary: dict[str, Any]) -> ContinuousOptimizationResult:
-        own, here = self.whole.own, problem.here
+        own, here = self.whole.own, problem.parts.here
         own.trajectory = curve = self.curve(here)
-        linearization = problem.models.linearize()
+        linearization = problem.parts.models.linearize()
         own.gain = own.feedback = regulator_along(self.system, own.cost, curve, linearization, here.x, here.u)
         found = own.result(summary)
         # At the end of a piece the input is that of its last point: the next piece's polynomial may stand beside it.
@@ -310,9 +311,9 @@ class MeshGrid(TimeGrid):
 
     def _report(self, problem: DiscreteProblem) -> LimitReport:
         """Return the report of the limits as they were stated."""
-        if problem.limits is None:
+        if problem.parts.limits is None:
             return LimitReport((), np.nan, 0.0)
-        report = problem.report()
+        report = problem.parts.report()
         return replace(report, sides=told(self.sides, report.sides, self.mesh))
 
 

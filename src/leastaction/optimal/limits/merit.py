@@ -10,11 +10,11 @@ from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import changed
 from leastaction.optimal.discrete.cost import CostGradient
-from leastaction.optimal.discrete.direction import DiscreteDirection, Iterate
-from leastaction.optimal.discrete.here import Here
 from leastaction.optimal.discrete.hessians import ModelHessian, between
-from leastaction.optimal.discrete.merit import AlongIterate, Merit
-from leastaction.optimal.discrete.models import Models
+from leastaction.optimal.iterates.direction import DiscreteDirection, Iterate
+from leastaction.optimal.iterates.here import Here
+from leastaction.optimal.iterates.merit import AlongIterate, Merit
+from leastaction.optimal.iterates.models import Models
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.cost import Jacobians, LimitedCost
 from leastaction.optimal.limits.duals import Room

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import changed
-from leastaction.optimal.discrete.direction import DiscreteDirection, ModelMinimum
+from leastaction.optimal.iterates.direction import DiscreteDirection, ModelMinimum
 from leastaction.optimal.limits.barrier import Point, advanced, barrier_along, stiffness
 from leastaction.optimal.limits.duals import Duals, Room
 from leastaction.optimal.limits.sides import Sided

@@ -8,8 +8,8 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost
-from leastaction.optimal.discrete.here import Here
 from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.iterates.here import Here
 from leastaction.optimal.limits.cost import LimitedCost
 from leastaction.optimal.limits.leeway import may_be_obstacle
 from leastaction.optimal.limits.merit import BarrierMerit

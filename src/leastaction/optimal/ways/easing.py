@@ -16,11 +16,11 @@ import numpy as np
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.discrete.problem import DiscreteProblem
-from leastaction.optimal.discrete.projected import projection_of
+from leastaction.optimal.iterates.projected import projection_of
 from leastaction.optimal.loop.ending import LOST, STUCK, Outcome
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.way import Way
+from leastaction.optimal.search.problem import DiscreteProblem
 
 _WITHIN = "easing among resolved motions"  # its name among the ways that were taken
 _EASIEST, _STRIDE = 1e6, 10.0  # ease of the first stage, and the factor to the next
@@ -33,21 +33,21 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
     assert isinstance(problem, DiscreteProblem)
     if run.resolved is not None:
         return outcome is not None and outcome.status in STUCK and _WITHIN not in run.taken
-    if run.began_again or (problem.barrier is not None and problem.final_time is not None):
+    if run.began_again or (problem.parts.barrier is not None and problem.beginning.final_time is not None):
         return False
     if outcome is None:
         # Where barriers cut steps short it tells nothing.
-        return run.has_just_begun and run.was_violent and problem.barrier is None
+        return run.has_just_begun and run.was_violent and problem.parts.barrier is None
     return outcome is LOST or outcome.status in STUCK
 
 
 def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
     problem = run.problem
     assert isinstance(problem, DiscreteProblem)
-    eased = None if problem.here.is_open else problem.asked.eased(_EASIEST)
+    eased = None if problem.parts.here.is_open else problem.parts.asked.eased(_EASIEST)
     if eased is None:
         return False
-    begun = _ease(problem, eased[1]) if problem.barrier is None else _ease_within(problem, eased[1])
+    begun = _ease(problem, eased[1]) if problem.parts.barrier is None else _ease_within(problem, eased[1])
     if not begun:
         return False
     run.begin_again("easing" if run.resolved is None else _WITHIN, "began again, where searches would lead nowhere")
@@ -56,37 +56,38 @@ def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
 
 def _ease(problem: DiscreteProblem, inputs: Array) -> bool:
     """Begin the first stage at the motion of the inputs that cost no effort; if there is none, it stays."""
-    now, ease = problem.place(), problem.ease
-    N, nx, nu = problem.system.N, problem.system.nx, problem.system.nu
+    parts = problem.parts
+    now, ease, system = parts.place(), parts.ease, parts.system
     eased = False
     try:
-        start = projection_of(problem.models, np.tile(problem.x[0], (N + 1, 1)), inputs, np.zeros((N, nu, nx)))
-        if not np.array_equal(start.x, problem.x):  # where no step was possible, none is now
-            problem.set_ease(_EASIEST)
-            problem.models.forget()
-            problem.stand_along(start.x, start.u, start)
+        held, no_gain = np.tile(parts.x[0], (system.N + 1, 1)), np.zeros((system.N, system.nu, system.nx))
+        start = projection_of(parts.models, held, inputs, no_gain)
+        if not np.array_equal(start.x, parts.x):  # where no step was possible, none is now
+            parts.set_ease(_EASIEST)
+            parts.models.forget()
+            parts.stand_along(start.x, start.u, start)
             eased = True
     except LeastActionError:
         pass
     finally:  # an interruption too leaves it where it stood
         if not eased:
-            problem.set_ease(ease)
-            problem.go_back(now)
+            parts.set_ease(ease)
+            parts.go_back(now)
     return eased
 
 
 def _ease_within(problem: DiscreteProblem, inputs: Array) -> bool:
     """Begin where stages of ever less ease within the limits lead; whether there is such a motion."""
-    x, u, ease = problem.x[0], inputs, _EASIEST
+    x, u, ease = problem.parts.x[0], inputs, _EASIEST
     while ease > 1.0:
-        stage = problem.asked.eased(ease)
+        stage = problem.parts.asked.eased(ease)
         assert stage is not None
-        other = problem.related(problem.rows, stage[0], max_iterations=_LONGEST, tolerance=_LOOSE)
+        other = problem.related(problem.parts.rows, stage[0], max_iterations=_LONGEST, tolerance=_LOOSE)
         found = problem.found_by(other, (x, u))
         if found is None:
             return False
         x, u, ease = found.x, found.u, ease / _STRIDE
-    return problem.begin_at(x, u)
+    return problem.beginning.begin_at(x, u)
 
 
 EASING = Way("easing", _applies, _begin)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.loop.ending import STUCK, Outcome
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.way import Way
 from leastaction.optimal.schedule import NewtonSchedule
+from leastaction.optimal.search.problem import DiscreteProblem
 
 _LONG, _LONG_IF_LOST = 200, 100  # iterations after which a run is long; and where its start was lost when projected
 _BRIEF = 40  # iterations with gaps at the most where most of the first steps had to be cut short: there are other ways
@@ -18,35 +18,37 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
     assert isinstance(problem, DiscreteProblem)
     if outcome is not None:
         return outcome.status in STUCK and _are_preferred(problem)
-    if run.has_just_begun and run.was_violent and problem.barrier is None:  # where barriers cut steps it tells nothing
+    if (
+        run.has_just_begun and run.was_violent and problem.parts.barrier is None
+    ):  # where barriers cut steps it tells nothing
         return True
     return run.history.iterations == _long_run(problem) and not (run.began_again or run.creeps)
 
 
 def _are_preferred(problem: DiscreteProblem) -> bool:
     """Whether gaps are more promising than an easier stage: within limits, and where the projection lost the start."""
-    given = problem.begun.given
-    if problem.barrier is not None:
-        return given is not None and problem.final_time is None
+    given = problem.beginning.begun.given
+    if problem.parts.barrier is not None:
+        return given is not None and problem.beginning.final_time is None
     return given is not None and given.is_lost
 
 
 def _long_run(problem: DiscreteProblem) -> int | None:
     """Return the iterations after which gaps may be the shorter way; None where they are none."""
-    given = problem.begun.given
-    if given is None or problem.here.is_open or problem.ease != 1.0:
+    given = problem.beginning.begun.given
+    if given is None or problem.parts.here.is_open or problem.parts.ease != 1.0:
         return None
     if given.is_lost:
         return _LONG_IF_LOST
-    return _LONG if problem.barrier is None else None
+    return _LONG if problem.parts.barrier is None else None
 
 
 def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
     problem = run.problem
     assert isinstance(problem, DiscreteProblem)
-    given = problem.begun.given
-    brief = run.was_violent and problem.barrier is None and given is not None and not given.is_lost
-    if not problem.begin_with_gaps(_BRIEF if brief else None):
+    given = problem.beginning.begun.given
+    brief = run.was_violent and problem.parts.barrier is None and given is not None and not given.is_lost
+    if not problem.beginning.begin_with_gaps(_BRIEF if brief else None):
         return False
     run.set_out(NewtonSchedule(), "began again, with gaps between the steps")
     return True

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.loop.ending import STUCK, Outcome
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.way import Way
 from leastaction.optimal.memory import Start
 from leastaction.optimal.result import Status
+from leastaction.optimal.search.problem import DiscreteProblem
 from leastaction.optimal.ways.curves import line_to, needed_inputs
 from leastaction.optimal.ways.resolved import of_asked, resolved_rows
 
@@ -31,7 +31,7 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
     assert isinstance(problem, DiscreteProblem)
     if outcome is None or run.resolved is not None:
         return False
-    if _NAME in run.taken or problem.begun.curve is None or problem.settings.shooting == "single":
+    if _NAME in run.taken or problem.beginning.begun.curve is None or problem.settings.shooting == "single":
         return False
     return outcome.status in (*STUCK, Status.INFEASIBLE, Status.NO_DIRECTION) and problem.stages.is_unmet
 
@@ -41,8 +41,8 @@ def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
     assert isinstance(problem, DiscreteProblem)
     for attempt, start in _attempts(problem):
         found = problem.found_by(attempt, (start.x, start.u))
-        if found is not None and not (attempt.here.is_open or attempt.stages.is_unmet):
-            problem.go_on_from(found.x, found.u, of_asked(problem, found.limits))
+        if found is not None and not (attempt.parts.here.is_open or attempt.stages.is_unmet):
+            problem.beginning.go_on_from(found.x, found.u, of_asked(problem, found.limits))
             run.begin_again(_NAME, "began again, from the given curve as it is")
             return True
     run.taken = (*run.taken, _NAME)
@@ -61,11 +61,11 @@ def _attempts(problem: DiscreteProblem) -> Iterator[tuple[DiscreteProblem, Start
 
 def _starts(problem: DiscreteProblem) -> Iterator[Start]:
     """Yield the given curve, with the inputs that it needs and those that were given, and the straight line."""
-    given, system = problem.begun.curve, problem.system
+    given, system = problem.beginning.begun.curve, problem.parts.system
     assert given is not None
-    wanted = problem.asked.wanted_states
+    wanted = problem.parts.asked.wanted_states
     first = given.x if given.x.ndim == 1 else given.x[0]
-    line = line_to(first, None if wanted is None else wanted[-1], problem.rows, system.N)
+    line = line_to(first, None if wanted is None else wanted[-1], problem.parts.rows, system.N)
     x = line if given.x.ndim == 1 else given.x
     yield Start(x, needed_inputs(system, x, given.u))
     yield Start(x, given.u)
@@ -76,8 +76,8 @@ def _starts(problem: DiscreteProblem) -> Iterator[Start]:
 def _with_gaps(problem: DiscreteProblem, more: list[Rows]) -> DiscreteProblem:
     """Return a problem that begins with gaps, with more limits and higher prices of what is asked at one instant."""
     return DiscreteProblem(
-        problem.system, problem.asked, problem.settings.changed(max_iterations=_MOST), [*problem.rows, *more],
-        problem.free_start, "at once", final_time=problem.final_time, dearer=_DEARER,
+        problem.parts.system, problem.parts.asked, problem.settings.changed(max_iterations=_MOST), [*problem.parts.rows, *more],
+        problem.parts.free_start, "at once", final_time=problem.beginning.final_time, dearer=_DEARER,
     )  # fmt: skip
 
 

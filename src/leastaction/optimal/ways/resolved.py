@@ -14,8 +14,7 @@ import numpy as np
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.discrete.curve import Gapped
-from leastaction.optimal.discrete.problem import DiscreteProblem
+from leastaction.optimal.iterates.curve import Gapped
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.limit import Bound
 from leastaction.optimal.limits.rows import Rows
@@ -24,6 +23,7 @@ from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.way import Way
 from leastaction.optimal.memory import Memory, Resolved
 from leastaction.optimal.result import OptimizationResult, Status
+from leastaction.optimal.search.problem import DiscreteProblem
 
 _ENOUGH = 0.35  # angle (rad) that a step may turn by where steps of time are short enough for a motion
 _NAMED = 3  # instants that are named in a message
@@ -39,7 +39,7 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
     assert isinstance(problem, DiscreteProblem)
     if "resolved" in run.taken or outcome.status not in STUCK:
         return False
-    return not problem.here.is_open and (outcome.barred or coarse_step(problem, outcome) is not None)
+    return not problem.parts.here.is_open and (outcome.barred or coarse_step(problem, outcome) is not None)
 
 
 def _begin(run: Run, outcome: Outcome | None) -> bool:
@@ -56,12 +56,12 @@ def _set_out(run: Run, outcome: Outcome) -> bool:
     if within is None:
         return False
     # From the first trajectory, which has not come to coarse steps yet; from where it stands if that cannot be.
-    first, here = asked.begun.first, (asked.x, asked.u)
+    first, here = asked.beginning.begun.first, (asked.parts.x, asked.parts.u)
     starts = [here] if first is None else [(first.x, first.u), here]
     if not any(_can_start(within, start) for start in starts):
         return False
     steps = [step.angle for step in (asked.worst_step, outcome.refused) if step is not None]
-    run.resolved, run.problem, run.asked_problem = Resolved(asked.place(), max(steps, default=0.0)), within, asked
+    run.resolved, run.problem, run.asked_problem = Resolved(asked.parts.place(), max(steps, default=0.0)), within, asked
     run.begin_again("", "began again, among motions that the steps of time resolve")
     return True
 
@@ -80,19 +80,19 @@ def _drop(run: Run, outcome: Outcome) -> bool:
     assert isinstance(within, DiscreteProblem)
     assert isinstance(asked, DiscreteProblem)
     assert state is not None
-    report = within.report()
+    report = within.parts.report()
     if outcome.status in (Status.CONVERGED, Status.STALLED):
         if _active(report).size:
             return False
-        asked.go_on_from(within.x, within.u, of_asked(asked, report))
+        asked.beginning.go_on_from(within.parts.x, within.parts.u, of_asked(asked, report))
         why = "the steps of time resolve the motion: it goes on without that limit"
     else:
         before = state.before
-        if outcome.status is not Status.INFEASIBLE and within.shown <= asked.asked.value(before.x, before.u):
+        if outcome.status is not Status.INFEASIBLE and within.shown <= asked.parts.asked.value(before.x, before.u):
             return False
-        asked.go_on_from(before.x, before.u, None)
+        asked.beginning.go_on_from(before.x, before.u, None)
         why = "what the steps of time resolve led nowhere: back to where it stood"
-    asked.work.count_on(within.work)
+    asked.parts.work.count_on(within.parts.work)
     run.resolved, run.problem = None, asked
     run.begin_again("", why)
     return True
@@ -100,10 +100,10 @@ def _drop(run: Run, outcome: Outcome) -> bool:
 
 def of_asked(asked: DiscreteProblem, report: LimitReport | None) -> LimitReport | None:
     """Return what is told of the limits that were asked for: they come first."""
-    if report is None or asked.barrier is None:
+    if report is None or asked.parts.barrier is None:
         return None
     # Both sides of an equation are one there.
-    count = sum(not (rows.equal and rows.sign < 0.0) for rows in asked.rows)
+    count = sum(not (rows.equal and rows.sign < 0.0) for rows in asked.parts.rows)
     return LimitReport(report.sides[:count], report.mu, report.excess)
 
 
@@ -115,11 +115,13 @@ def _active(report: LimitReport) -> np.ndarray[Any, np.dtype[np.int64]]:
 
 def resolved_rows(asked: DiscreteProblem) -> list[Rows] | None:
     """Return what the steps of time of a problem resolve, as limits; None where nothing is known."""
-    resolved = asked.system.resolved_rates()
+    resolved = asked.parts.system.resolved_rates()
     if resolved is None:
         return None
     names, rates = resolved
-    return Bound(names, -rates, rates, of="rate").rows(asked.system, 0 if asked.free_start is not False else 1)
+    return Bound(names, -rates, rates, of="rate").rows(
+        asked.parts.system, 0 if asked.parts.free_start is not False else 1
+    )
 
 
 def within_resolved(asked: DiscreteProblem) -> DiscreteProblem | None:
@@ -127,11 +129,13 @@ def within_resolved(asked: DiscreteProblem) -> DiscreteProblem | None:
     more = resolved_rows(asked)
     if more is None:
         return None
-    rows = [*asked.rows, *more]
+    rows = [*asked.parts.rows, *more]
     # A start that no roll-out can follow opens with gaps, where gaps are allowed.
-    gapped: Gapped = "never" if asked.gapped == "never" else "where needed"
-    within = DiscreteProblem(asked.system, asked.asked, asked.settings, rows, asked.free_start, gapped)
-    within.work.count_on(asked.work)
+    gapped: Gapped = "never" if asked.beginning.gapped == "never" else "where needed"
+    within = DiscreteProblem(
+        asked.parts.system, asked.parts.asked, asked.settings, rows, asked.parts.free_start, gapped
+    )
+    within.parts.work.count_on(asked.parts.work)
     return within
 
 
@@ -141,7 +145,7 @@ def resumed(run: Run, result: OptimizationResult, memory: Memory) -> None:
     assert isinstance(asked, DiscreteProblem)
     within = within_resolved(asked)
     assert within is not None
-    asked.recall(memory)
+    asked.beginning.recall(memory)
     within.resume(result)
     run.problem, run.asked_problem = within, asked
     run.recall(memory)
@@ -153,16 +157,16 @@ def _judge(run: Run, outcome: Outcome) -> Outcome:
     if state is None or outcome.status not in (Status.CONVERGED, Status.STALLED):
         return outcome
     assert isinstance(within, DiscreteProblem)
-    at = _active(within.report())
+    at = _active(within.parts.report())
     if not at.size:
         return outcome
-    system = within.system
+    system = within.parts.system
     where = ", ".join(system.when(int(k)) for k in at[:_NAMED])
     more = f" and {at.size - _NAMED} more" if at.size > _NAMED else ""
     names = [
         name
-        for j, name in enumerate(within.rows[-1].quantity.names)
-        if any(side.active[:, j].any() for side in within.report().sides[-2:])
+        for j, name in enumerate(within.parts.rows[-1].quantity.names)
+        if any(side.active[:, j].any() for side in within.parts.report().sides[-2:])
     ]
     shorter = max(2, int(np.ceil(state.angle / _ENOUGH)))
     detail = (

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-from leastaction.optimal.discrete.direction import DiscreteDirection, Iterate
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution
+from leastaction.optimal.iterates.direction import DiscreteDirection, Iterate
 from leastaction.optimal.line_search import Refusal, Trial
 
 

@@ -8,9 +8,9 @@ from typing import Protocol
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost, CostGradient
-from leastaction.optimal.discrete.direction import DiscreteDirection, Iterate, ModelMinimum
-from leastaction.optimal.discrete.here import Here
 from leastaction.optimal.discrete.hessians import ModelHessian, between, same
+from leastaction.optimal.iterates.direction import DiscreteDirection, Iterate, ModelMinimum
+from leastaction.optimal.iterates.here import Here
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import along_parabola
 from leastaction.optimal.system import Linearization

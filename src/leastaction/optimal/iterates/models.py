@@ -7,9 +7,6 @@ import numpy as np
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import CostGradient
 from leastaction.optimal.discrete.descent import escape, minimise_model
-from leastaction.optimal.discrete.direction import DiscreteDirection, ModelMinimum
-from leastaction.optimal.discrete.free_start import FreeStart
-from leastaction.optimal.discrete.here import Here
 from leastaction.optimal.discrete.hessians import ModelHessian, shifted
 from leastaction.optimal.discrete.linear_quadratic import (
     Law,
@@ -19,9 +16,12 @@ from leastaction.optimal.discrete.linear_quadratic import (
     regulate,
     sweep_forward,
 )
-from leastaction.optimal.discrete.merit import Merit
 from leastaction.optimal.discrete.system import DiscreteSystem, linearized
-from leastaction.optimal.discrete.work import Work
+from leastaction.optimal.iterates.direction import DiscreteDirection, ModelMinimum
+from leastaction.optimal.iterates.free_start import FreeStart
+from leastaction.optimal.iterates.here import Here
+from leastaction.optimal.iterates.merit import Merit
+from leastaction.optimal.iterates.work import Work
 from leastaction.optimal.system import Linearization
 
 

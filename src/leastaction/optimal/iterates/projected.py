@@ -9,9 +9,9 @@ import numpy as np
 from leastaction.errors import LeastActionError, ProjectionError, StepError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.linear_quadratic import regulate
-from leastaction.optimal.discrete.models import Models
 from leastaction.optimal.discrete.projection import linearize_along_curve
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
+from leastaction.optimal.iterates.models import Models
 
 _DEAR = 10.0  # factor in cost over that of its inputs alone by which a projection has lost a curve
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.discrete.direction import DiscreteDirection, Iterate
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution
-from leastaction.optimal.discrete.models import Models, least_of
-from leastaction.optimal.discrete.steps import Steps
-from leastaction.optimal.discrete.trial import SHORT, leap, try_projection
+from leastaction.optimal.iterates.direction import DiscreteDirection, Iterate
+from leastaction.optimal.iterates.models import Models, least_of
+from leastaction.optimal.iterates.steps import Steps
+from leastaction.optimal.iterates.trial import SHORT, leap, try_projection
 from leastaction.optimal.line_search import Refusal, Trial
 
 

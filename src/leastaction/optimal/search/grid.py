@@ -1,16 +1,11 @@
-"""Which times the steps of a discrete problem stand for."""
+"""Which times the steps of a search stand for."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.discrete.here import Here
-from leastaction.optimal.result import OptimizationResult
-
-if TYPE_CHECKING:
-    from leastaction.optimal.discrete.problem import DiscreteProblem
+from leastaction.optimal.iterates.here import Here
 
 
 class TimeGrid(ABC):
@@ -31,16 +26,8 @@ class TimeGrid(ABC):
         """Remember that a step was made."""
 
     @abstractmethod
-    def following(self, problem: DiscreteProblem) -> DiscreteProblem | None:
-        """Return the problem on a finer grid, where the motion asks for it."""
-
-    @abstractmethod
     def arrays(self, here: Here) -> tuple[Array, Array]:
         """Return states and inputs as they are told."""
-
-    @abstractmethod
-    def result(self, problem: DiscreteProblem, summary: dict[str, Any]) -> OptimizationResult:
-        """Return the result at the current iterate, given all that the loop knows of it."""
 
 
 class OwnSteps(TimeGrid):
@@ -54,11 +41,5 @@ class OwnSteps(TimeGrid):
     def note_step(self) -> None:
         pass
 
-    def following(self, problem: DiscreteProblem) -> DiscreteProblem | None:  # noqa: ARG002
-        return None
-
     def arrays(self, here: Here) -> tuple[Array, Array]:
         return here.x, here.u
-
-    def result(self, problem: DiscreteProblem, summary: dict[str, Any]) -> OptimizationResult:
-        return problem.told(summary)

@@ -22,12 +22,12 @@ import numpy as np
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array, read_only
-from leastaction.optimal.discrete.direction import AmongCurves, DiscreteDirection, Iterate
-from leastaction.optimal.discrete.gap_filter import Filter, OpenCurve
 from leastaction.optimal.discrete.linear_quadratic import Feedforward, LinearQuadraticSolution, feedforward_of_drift
-from leastaction.optimal.discrete.models import Models, least_of
-from leastaction.optimal.discrete.steps import Steps
-from leastaction.optimal.discrete.trial import is_too_coarse
+from leastaction.optimal.iterates.direction import AmongCurves, DiscreteDirection, Iterate
+from leastaction.optimal.iterates.gap_filter import Filter, OpenCurve
+from leastaction.optimal.iterates.models import Models, least_of
+from leastaction.optimal.iterates.steps import Steps
+from leastaction.optimal.iterates.trial import is_too_coarse
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import along_parabola
 from leastaction.optimal.memory import Gaps

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.step_quality import StepQuality
-from leastaction.optimal.discrete.gap_filter import OpenCurve
-from leastaction.optimal.limits.duals import Room
+from leastaction.optimal.iterates.gap_filter import OpenCurve
 from leastaction.optimal.loop import Direction
 
 
@@ -25,7 +24,7 @@ class Iterate(NamedTuple):
     u: Array
     worst_step: StepQuality | None = None
     cost: float = np.nan
-    room: Room | None = None
+    room: Any = None
     curve: OpenCurve | None = None
 
 

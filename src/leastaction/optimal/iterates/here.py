@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.step_quality import StepQuality
-from leastaction.optimal.discrete.gap_filter import OpenCurve
+from leastaction.optimal.iterates.gap_filter import OpenCurve
 from leastaction.optimal.line_search import rounding_of
 from leastaction.optimal.memory import Place
 
@@ -23,6 +23,10 @@ class Here:
     value: float
 
     def __init__(self) -> None:
+        self.renew()
+
+    def renew(self) -> None:
+        """Stand nowhere yet."""
         self.worst_step: StepQuality | None = None
         self.roughness = 0.0
         self.curve: OpenCurve | None = None
