@@ -1124,13 +1124,8 @@ def test_a_share_of_what_bends_lies_between_none_and_all_of_it(cart: MidpointSys
     for other_cost, other_rows in ((cost, rows), (bent, Bound("x", -1.0, 1.0, of="rate").rows(cart, 1))):
         other = DiscreteProblem(cart, other_cost, settings, other_rows)
         other.start(start)
-        assert (
-            np.abs(
-                other.parts.merit.hessian(0.0, other.parts.models).whole().Q
-                - other.parts.merit.hessian(1.0, other.parts.models).whole().Q
-            ).max()
-            > 0.1
-        )
+        merit, models = other.parts.merit, other.parts.models
+        assert np.abs(merit.hessian(0.0, models).whole().Q - merit.hessian(1.0, models).whole().Q).max() > 0.1
 
 
 def test_a_limit_on_a_start_that_costs_nothing_is_enforced(rng):

@@ -145,7 +145,7 @@ class MeshGrid(TimeGrid):
         return DiscreteProblem(
             self.system, cost, whole.settings, list(_rows(self.sides)), whole.free_start, grid=self,
             finer=self.finer, results=self.result,
-            work=Work(self.system.N, self.system.nx, self.system.nu, clock=whole.own.clock),
+            work=Work(self.system.N, self.system.ndx, self.system.nu, clock=whole.own.clock),
         )  # fmt: skip
 
     def start(self, curve: DenseTrajectory, densities: Densities, before: Work | None = None) -> DiscreteProblem:

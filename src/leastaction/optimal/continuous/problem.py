@@ -132,6 +132,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
     # ---- Where to start -------------------------------------------------------------------------
 
     def start(self, initial: DenseTrajectory | tuple[TimeFunctionLike, TimeFunctionLike]) -> None:
+        """Begin with a trajectory, a curve to be projected, or an initial state and inputs."""
         curve, is_curve = self.given(initial)
         if not is_curve:
             self.apply(curve)
@@ -177,6 +178,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         self._project(curve, PiecewisePolynomial.constant(np.zeros(nu * nx + nu), curve.t0, curve.tf))
 
     def resume(self, result: OptimizationResult) -> None:
+        """Begin where an earlier run ended."""
         assert isinstance(result, ContinuousOptimizationResult)
         trajectory, nx, nu = result.dense, self.system.nx, self.system.nu
         if (trajectory.nx, trajectory.nu) != (nx, nu):

@@ -31,6 +31,7 @@ from leastaction.optimal.iterates.trial import is_too_coarse
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import along_parabola
 from leastaction.optimal.memory import Gaps
+from leastaction.optimal.space import apart, moved_by
 
 Gapped = Literal["never", "where needed", "at once"]
 """When steps may have gaps: never; where the start cannot be projected, or a way begins with them; from the start."""
@@ -44,7 +45,7 @@ _CORRECTIONS, _LEFT = 4, 0.99  # further steps that close the gaps of a full one
 class CurveSteps(Steps):
     """Steps from one curve with gaps to the next.
 
-    ``size`` (nx,): of the states, in which gaps are measured. ``longest``: iterations after which they are over.
+    ``size`` (ndx,): of the states, in which gaps are measured. ``longest``: iterations after which they are over.
     ``penalty``: of the gaps, in what the loop is told.
     """
 
@@ -67,7 +68,7 @@ class CurveSteps(Steps):
             reason = f"{models.system.when(made.worst_at)} would be too coarse, {made.worst_step}"
             return Refusal(reason, made.worst_at, coarsest=made.worst_step)
         x, u = read_only(x), read_only(u)
-        gaps = models.system.difference(made.x, x[1:])
+        gaps = apart(models.space, made.x, x[1:])
         with np.errstate(over="ignore", invalid="ignore"):
             shown = models.merit.cost.value(x, u)
         if not np.isfinite(shown):
@@ -77,9 +78,9 @@ class CurveSteps(Steps):
 
     def begin(self, curve: OpenCurve) -> None:
         """Stand at a first curve, of whose multipliers nothing is known."""
-        N, nx, nu = len(curve.u), curve.x.shape[1], curve.u.shape[1]
+        N, nu = curve.u.shape
         self.filter, self.penalty, self.models.costates = Filter(curve.theta), 0.0, None
-        self.models.here.gain = np.zeros((N, nu, nx))
+        self.models.here.gain = np.zeros((N, nu, self.models.system.ndx))
         self.models.here.open(curve, self.penalty)
 
     def cost_again(self, cost: float) -> None:
@@ -126,7 +127,7 @@ class CurveSteps(Steps):
         """Return what resuming needs of it."""
         here, costates = self.models.here, self.models.costates
         if costates is None:
-            costates = np.zeros((0, here.x.shape[1]))
+            costates = np.zeros((0, self.models.system.ndx))
         pairs = np.array(self.filter.pairs).reshape(-1, 2)
         return Gaps(
             here.x, here.u, here.gain.copy(), self.size, costates, pairs, self.filter.first, self.penalty,
@@ -208,7 +209,7 @@ class CurveSteps(Steps):
 
     def _moved(self, dx: Array, du: Array, length: float) -> OpenCurve | Refusal:
         models, here = self.models, self.models.here
-        x, u = here.x + length * dx, here.u + length * du
+        x, u = moved_by(models.space, here.x, length * dx), here.u + length * du
         if not models.start.is_fixed:
             try:
                 x[0] = models.system.moved_start(here.x[0], length * dx[0])

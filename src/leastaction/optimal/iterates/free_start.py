@@ -38,7 +38,7 @@ class FreeStart:
         self._directions = None
 
     def directions(self, x0: Array) -> Array:
-        """Return the directions (nx, n) in which it may move."""
+        """Return the directions (ndx, n) in which it may move."""
         if self._directions is None:
             entries = None if isinstance(self.free, bool) else self.free
             self._directions = self.system.start_directions(x0, entries)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from leastaction.numerics.arrays import Array
+from leastaction.optimal.discrete.charts import read_at
 from leastaction.optimal.discrete.cost import CostGradient
 from leastaction.optimal.discrete.descent import escape, minimise_model
 from leastaction.optimal.discrete.hessians import ModelHessian, shifted
@@ -22,19 +23,22 @@ from leastaction.optimal.iterates.free_start import FreeStart
 from leastaction.optimal.iterates.here import Here
 from leastaction.optimal.iterates.merit import Merit
 from leastaction.optimal.iterates.work import Work
+from leastaction.optimal.space import sizes_of
 from leastaction.optimal.system import Linearization
 
 
 class Models:
     """Quadratic models of what is minimised, along the iterate.
 
-    ``merit``: what is minimised. ``costates`` (N+1, nx): multipliers of the dynamics along a curve with gaps; None of a
-    trajectory, whose adjoint they are, and where nothing is known of them yet. ``quasi_newton``: the minimum of that
-    model, if it is known; ``feedback`` (N, nu, nx): gains about the iterate, if these are.
+    ``merit``: what is minimised. ``space``: of the states, as of `System.charts`. ``costates`` (N+1, ndx): multipliers
+    of the dynamics along a curve with gaps; None of a trajectory, whose adjoint they are, and where nothing is known of
+    them yet. ``quasi_newton``: the minimum of that model, if it is known; ``feedback`` (N, nu, ndx): gains about the
+    iterate, if these are.
     """
 
     def __init__(self, system: DiscreteSystem, merit: Merit, here: Here, work: Work, start: FreeStart) -> None:
         self.system, self.merit, self.here, self.work, self.start = system, merit, here, work, start
+        self.space = system.charts()
         self.costates: Array | None = None
         self.linearization: Linearization | None = None
         self.curvature: Array | None = None
@@ -72,6 +76,8 @@ class Models:
                     self.work.linearization = made
                 else:
                     made = self.system.linearize_each(here.x, here.u, curve.ends)
+            if curve is not None and self.space is not None:
+                made = read_at(self.space, made, curve.ends, here.x[1:])
             self.linearization = made
         return self.linearization
 
@@ -213,7 +219,7 @@ class Models:
         dx, du, slope, bend = found
         # A step that is expected to lower the cost by a tenth, but goes no further than a model may hold.
         length = np.sqrt(0.2 * abs(here.value) / -bend)
-        reach = np.abs(dx).max(axis=0) / (1.0 + np.abs(here.x).max(axis=0))
+        reach = np.abs(dx).max(axis=0) / sizes_of(self.space, here.x)
         length = min(length, 0.3 / float(reach.max()))
         return DiscreteDirection(
             "negative-curvature",

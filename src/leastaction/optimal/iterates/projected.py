@@ -12,6 +12,7 @@ from leastaction.optimal.discrete.linear_quadratic import regulate
 from leastaction.optimal.discrete.projection import linearize_along_curve
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
 from leastaction.optimal.iterates.models import Models
+from leastaction.optimal.space import apart
 
 _DEAR = 10.0  # factor in cost over that of its inputs alone by which a projection has lost a curve
 
@@ -42,7 +43,7 @@ def _why(system: DiscreteSystem, rollout: Rollout, xbar: Array, ubar: Array, gai
     k = rollout.steps_done
     x = rollout.x[k]
     try:
-        system.f(x, ubar[k] - gain[k] @ (x - xbar[k]), k)
+        system.f(x, ubar[k] - gain[k] @ system.difference(x, xbar[k]), k)
     except StepError as error:
         return str(error).removesuffix(".")
     except ArithmeticError:  # told by the roll-out already
@@ -59,7 +60,7 @@ def project_curve(models: Models, made: Rollout | None = None) -> None:
     """
     system, here, cost = models.system, models.here, models.merit.cost
     x, u = here.x, here.u
-    N, nx, nu = system.N, system.nx, system.nu
+    N, ndx, nu = system.N, system.ndx, system.nu
     found: list[tuple[float, Rollout, Array]] = []
     failure = ""
 
@@ -80,11 +81,12 @@ def project_curve(models: Models, made: Rollout | None = None) -> None:
         return solution.K if solution.definite else regulate(*models.linearize())
 
     follow(regulator)
-    if found and float(np.abs(found[0][1].x - x).max()) <= 1e-8 * (1.0 + float(np.abs(x).max())):
+    off = float(np.abs(apart(models.space, found[0][1].x, x)).max()) if found else np.inf
+    if off <= 1e-8 * (1.0 + float(np.abs(x).max())):
         here.gain, here.worst_step = found[0][2], found[0][1].worst_step
         return
     models.forget()
-    follow(lambda: np.zeros((N, nu, nx)))
+    follow(lambda: np.zeros((N, nu, ndx)))
     if not found or found[0][0] > _DEAR * found[-1][0]:
         # The regulator above may not even exist where the curve's next states are no ends of steps.
         along = linearize_along_curve(system, x, u)

@@ -40,7 +40,7 @@ class TrajectorySteps(Steps):
 
     def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[Iterate] | Refusal:
         models, here = self.models, self.models.here
-        xbar, ubar = direction.curve(here.x, here.u, length)
+        xbar, ubar = direction.curve(models.space, here.x, here.u, length)
         x0 = xbar[0]
         if direction.dx0 is not None:
             try:

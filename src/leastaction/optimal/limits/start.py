@@ -26,7 +26,7 @@ def barrier_merit(
 ) -> BarrierMerit:
     """Return a cost with the barriers of limits; ``dearer``: as of `BarrierStages`."""
     check_agreement(rows, system.when)
-    limited = LimitedCost(cost, rows, system.nx, system.nu)
+    limited = LimitedCost(cost, rows, system.ndx, system.nu)
     stages = BarrierStages(limited.duals, settings.tolerance, _DIGITS, dearer)
     return BarrierMerit(limited, stages, here)
 

@@ -137,7 +137,8 @@ class Beginning:
             curve.recall(gaps, found)
             self.parts.tells_saddles = False
         else:
-            N, nx, nu = self.parts.system.N, self.parts.system.nx, self.parts.system.nu
+            system = self.parts.system
+            N, nx, nu = system.N, system.nx, system.nu
             if result.gap > 0.0:
                 raise ArgumentError(
                     f"resume: got a result with open gaps (of {result.gap:.2g}), expected a trajectory: give "
@@ -146,7 +147,8 @@ class Beginning:
             x = as_array(result.x, "resume.x", (N + 1, nx), meaning="(N+1, nx)")
             u = as_array(result.u, "resume.u", (N, nu), meaning="(N, nu)")
             here.move(x, u, result.worst_step)
-            here.gain = as_array(result.projection_gain, "resume.projection_gain", (N, nu, nx), meaning="(N, nu, nx)")
+            shape = (N, nu, system.ndx)
+            here.gain = as_array(result.projection_gain, "resume.projection_gain", shape, meaning="(N, nu, ndx)")
             here.value = self.parts.plain.cost.value(here.x, here.u)
         if self.parts.barrier is not None:
             self.put_limits_in(result, resumed=True)

@@ -21,6 +21,7 @@ from leastaction.optimal.iterates.steps import Steps
 from leastaction.optimal.iterates.trajectory import TrajectorySteps
 from leastaction.optimal.iterates.work import Work
 from leastaction.optimal.limit_report import LimitReport
+from leastaction.optimal.limits.charts import charted
 from leastaction.optimal.limits.merit import BarrierMerit
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.limits.start import barrier_merit
@@ -28,6 +29,7 @@ from leastaction.optimal.line_search import Refusal
 from leastaction.optimal.memory import Place, Start
 from leastaction.optimal.options import Options
 from leastaction.optimal.search.grid import TimeGrid
+from leastaction.optimal.space import sizes_of
 
 
 class SearchParts:
@@ -54,7 +56,8 @@ class SearchParts:
         grid: TimeGrid,
         work: Work,
     ) -> None:
-        self.system, self.asked, self.rows, self.grid, self.work = system, cost, tuple(rows), grid, work
+        self.system, self.asked, self.grid, self.work = system, cost, grid, work
+        self.rows = tuple(charted(list(rows), system.charts()))
         self.here = Here()
         self.plain = CostMerit(cost, self.here)
         self.barrier: BarrierMerit | None = None
@@ -115,10 +118,10 @@ class SearchParts:
     def stand_at(self, initial: Any) -> None:
         """Stand at the projection of a start, with what is minimised now."""
         x, u = given_start(self.system, initial)
-        N, nx, nu = self.system.N, self.system.nx, self.system.nu
+        N, ndx, nu = self.system.N, self.system.ndx, self.system.nu
         made: Rollout | None = None
         if x.ndim == 1:
-            made = projection_of(self.models, np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, nx)))
+            made = projection_of(self.models, np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, ndx)))
             x = made.x
         self.stand_along(x, u, made)
         if not np.isfinite(self.here.value):
@@ -160,16 +163,16 @@ class SearchParts:
 
         ``still``: whether an initial state alone is held, and not the motion that it leads to.
         """
-        N, nx, nu = self.system.N, self.system.nx, self.system.nu
+        N, ndx, nu = self.system.N, self.system.ndx, self.system.nu
         x, u = start.x, start.u
         if x.ndim == 1 and still:
             x = np.tile(x, (N + 1, 1))
         elif x.ndim == 1:
-            run = self.system.rollout(x, np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, nx)), 0, N)
+            run = self.system.rollout(x, np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, ndx)), 0, N)
             self.work.rollouts += 1
             # What leads to a step that cannot be made is too violent to begin with: it stands still instead.
             x = run.x if run.complete else np.tile(x, (N + 1, 1))
-        steps = CurveSteps(self.models, 1.0 + np.abs(x).max(axis=0))
+        steps = CurveSteps(self.models, sizes_of(self.models.space, x))
         curve = steps.evaluate(x, u)
         if isinstance(curve, Refusal):
             return curve

@@ -60,7 +60,7 @@ def _ease(problem: DiscreteProblem, inputs: Array) -> bool:
     now, ease, system = parts.place(), parts.ease, parts.system
     eased = False
     try:
-        held, no_gain = np.tile(parts.x[0], (system.N + 1, 1)), np.zeros((system.N, system.nu, system.nx))
+        held, no_gain = np.tile(parts.x[0], (system.N + 1, 1)), np.zeros((system.N, system.nu, system.ndx))
         start = projection_of(parts.models, held, inputs, no_gain)
         if not np.array_equal(start.x, parts.x):  # where no step was possible, none is now
             parts.set_ease(_EASIEST)

@@ -18,9 +18,8 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
     assert isinstance(problem, DiscreteProblem)
     if outcome is not None:
         return outcome.status in STUCK and _are_preferred(problem)
-    if (
-        run.has_just_begun and run.was_violent and problem.parts.barrier is None
-    ):  # where barriers cut steps it tells nothing
+    # Where barriers cut steps short it tells nothing.
+    if run.has_just_begun and run.was_violent and problem.parts.barrier is None:
         return True
     return run.history.iterations == _long_run(problem) and not (run.began_again or run.creeps)
 

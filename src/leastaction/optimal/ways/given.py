@@ -75,9 +75,10 @@ def _starts(problem: DiscreteProblem) -> Iterator[Start]:
 
 def _with_gaps(problem: DiscreteProblem, more: list[Rows]) -> DiscreteProblem:
     """Return a problem that begins with gaps, with more limits and higher prices of what is asked at one instant."""
+    parts, settings = problem.parts, problem.settings.changed(max_iterations=_MOST)
     return DiscreteProblem(
-        problem.parts.system, problem.parts.asked, problem.settings.changed(max_iterations=_MOST), [*problem.parts.rows, *more],
-        problem.parts.free_start, "at once", final_time=problem.beginning.final_time, dearer=_DEARER,
+        parts.system, parts.asked, settings, [*parts.rows, *more], parts.free_start, "at once",
+        final_time=problem.beginning.final_time, dearer=_DEARER,
     )  # fmt: skip
 
 

@@ -119,9 +119,8 @@ def resolved_rows(asked: DiscreteProblem) -> list[Rows] | None:
     if resolved is None:
         return None
     names, rates = resolved
-    return Bound(names, -rates, rates, of="rate").rows(
-        asked.parts.system, 0 if asked.parts.free_start is not False else 1
-    )
+    first = 0 if asked.parts.free_start is not False else 1
+    return Bound(names, -rates, rates, of="rate").rows(asked.parts.system, first)
 
 
 def within_resolved(asked: DiscreteProblem) -> DiscreteProblem | None:
@@ -132,10 +131,9 @@ def within_resolved(asked: DiscreteProblem) -> DiscreteProblem | None:
     rows = [*asked.parts.rows, *more]
     # A start that no roll-out can follow opens with gaps, where gaps are allowed.
     gapped: Gapped = "never" if asked.beginning.gapped == "never" else "where needed"
-    within = DiscreteProblem(
-        asked.parts.system, asked.parts.asked, asked.settings, rows, asked.parts.free_start, gapped
-    )
-    within.parts.work.count_on(asked.parts.work)
+    parts = asked.parts
+    within = DiscreteProblem(parts.system, parts.asked, asked.settings, rows, parts.free_start, gapped)
+    within.parts.work.count_on(parts.work)
     return within
 
 
