@@ -242,7 +242,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         final, parts = self.beginning.final_time, self.parts
         if final is not None and direction.dx0 is not None:
             # No model holds as far as to a motion that lasts much shorter.
-            lasts, change = parts.x[0, final] - parts.system.time(0), direction.dx0[final]
+            lasts, change = parts.x[0, final] - parts.system.time(0), direction.dx0[final - parts.system.nx]
             if length * change < -_SHORTER * lasts:
                 length = float(-_SHORTER * lasts / change)
         return parts.steps.first_step(direction, length)

@@ -21,8 +21,9 @@ class ExtendedCost(Cost):
     """
 
     def __init__(self, cost: Cost, unknowns: Sequence[Unknown], wanted: Array, system: ExtendedSystem) -> None:
-        self.cost, self.system, self.n_own, self.nx = cost, system, system.n_own, system.nx
-        self.unknowns = slice(system.n_own, system.at_copies)
+        self.cost, self.system, self.n_own, self.nx = cost, system, system.d_own, system.ndx
+        self.unknowns = slice(system.n_own, system.at_copies)  # in a state, and in a difference of states
+        self.changes = slice(system.d_own, system.d_own + len(system.names))
         self.price = np.array([each.price for each in unknowns])
         self.weight = np.array([each.weight for each in unknowns])
         self.wanted = wanted
@@ -41,7 +42,7 @@ class ExtendedCost(Cost):
     def gradient(self, x: Array, u: Array) -> CostGradient:
         own = self.cost.gradient(read_only(self.system.own(x)), u)
         q, q_final = self._moved(own.q), self._moved(own.q_final)
-        q_final[self.unknowns] = self.price + self.weight * (x[-1, self.unknowns] - self.wanted)
+        q_final[self.changes] = self.price + self.weight * (x[-1, self.unknowns] - self.wanted)
         return CostGradient(q, own.r, q_final)
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
@@ -64,14 +65,14 @@ class ExtendedCost(Cost):
         Q, R, S, Q_final = own
         final = self._padded(Q_final)
         diagonal = final if final.ndim == 1 else np.einsum("ii->i", final)
-        diagonal[self.unknowns] = weight
+        diagonal[self.changes] = weight
         if S is not None:
             S = np.ascontiguousarray(np.swapaxes(self._moved(np.swapaxes(S, -1, -2)), -1, -2))
         return CostHessian(self._padded(Q), R, S, final)
 
     def _moved(self, rows: Array) -> Array:
         """Return derivatives (..., nx) by the extended state of those (..., n) by the system's own."""
-        n, end = self.n_own, self.system.at_copies
+        n, end = self.n_own, self.changes.stop
         whole = np.empty((*rows.shape[:-1], self.nx))
         whole[..., :n], whole[..., n:end], whole[..., end:] = rows, 0.0, rows[..., self.system.kept]
         return whole

@@ -178,7 +178,7 @@ class Extension:
 
     def result(self, found: OptimizationResult) -> OptimizationResult:
         """Return a result in the system's own states, with its unknowns."""
-        n = self.own.nx
+        n = self.own.ndx
         at = self.system.values(found.x[0])
         return replace(
             found,
