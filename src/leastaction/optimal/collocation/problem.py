@@ -297,6 +297,7 @@ class MeshGrid(TimeGrid):
         return here.x[:, : self.whole.own.system.nx].copy(), self.mesh.inputs_at_breaks(inputs)
 
     def result(self, problem: DiscreteProblem, summary: dict[str, Any]) -> ContinuousOptimizationResult:
+        """Return the result at the current iterate, in continuous time."""
         own, here = self.whole.own, problem.parts.here
         own.trajectory = curve = self.curve(here)
         linearization = problem.parts.models.linearize()
