@@ -15,6 +15,7 @@ from threadpoolctl import ThreadpoolController
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import as_array, as_count, read_only, require_instance
 from leastaction.numerics.frozen import changed
+from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.collocation.problem import Collocation
 from leastaction.optimal.continuous.cost import ContinuousCost
@@ -23,6 +24,7 @@ from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult
 from leastaction.optimal.cost import check_space
 from leastaction.optimal.discrete.cost import Cost
+from leastaction.optimal.discrete.own_projection import own_projection
 from leastaction.optimal.discrete.system import DiscreteSystem, given_start
 from leastaction.optimal.iterates.curve import Gapped
 from leastaction.optimal.limits.limit import Limit, checked_limits
@@ -254,13 +256,15 @@ class Optimizer:
                 f"limits: got a Periodic for {type(system).__name__}, whose states are no plain vectors: expected "
                 "Equal at the end, of a given state"
             )
+        if isinstance(settings.projection, PiecewisePolynomial):
+            raise ArgumentError("projection: got functions of time, expected gains (N, nu, nx) of a discrete system")
         if self.unknowns or any(isinstance(limit, Periodic) for limit in self.limits):
             self._extension = extension = Extension(system, cost, self.unknowns, self.limits, free)
             rows, free, final_time = extension.rows(), True, extension.system.final_time
-            system, cost = extension.system, extension.cost
+            system, cost, settings = extension.system, extension.cost, extension.settings(settings)
         else:
             rows = [row for limit in self.limits for row in limit.rows(system, 1 if free is False else 0)]
-        tries_gaps = settings.method == "auto" and settings.regulator == "descent" and self._extension is None
+        tries_gaps = settings.method == "auto" and own_projection(settings, system) is None and self._extension is None
         tries_gaps = tries_gaps and settings.shooting == "auto" and "gaps" not in settings.without
         gapped: Gapped = "where needed" if tries_gaps else "never"
         gapped = "at once" if settings.shooting == "multiple" else gapped

@@ -15,6 +15,7 @@ from leastaction.optimal.collocation.cost import collocation_cost
 from leastaction.optimal.collocation.gains import regulator_along
 from leastaction.optimal.collocation.limits import Stated, stated, told
 from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
+from leastaction.optimal.collocation.own_projection import projection_on
 from leastaction.optimal.collocation.system import CollocationSystem
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.problem import ContinuousProblem
@@ -141,9 +142,13 @@ class MeshGrid(TimeGrid):
 
     def _problem(self) -> DiscreteProblem:
         whole = self.whole
-        cost = collocation_cost(whole.own.cost, self.mesh, self.system.layout)
+        cost, settings = collocation_cost(whole.own.cost, self.mesh, self.system.layout), whole.settings
+        given = whole.own.projection
+        if given is not None:
+            on_mesh = projection_on(given, whole.own.system, self.mesh, self.system.layout)
+            settings = settings.changed(projection=on_mesh)
         return DiscreteProblem(
-            self.system, cost, whole.settings, list(_rows(self.sides)), whole.free_start, grid=self,
+            self.system, cost, settings, list(_rows(self.sides)), whole.free_start, grid=self,
             finer=self.finer, results=self.result,
             work=Work(self.system.N, self.system.ndx, self.system.nu, clock=whole.own.clock),
         )  # fmt: skip

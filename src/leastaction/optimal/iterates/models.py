@@ -14,9 +14,9 @@ from leastaction.optimal.discrete.linear_quadratic import (
     LinearQuadraticSolution,
     Workspace,
     adjoint,
-    regulate,
     sweep_forward,
 )
+from leastaction.optimal.discrete.own_projection import OwnProjection
 from leastaction.optimal.discrete.system import DiscreteSystem, linearized
 from leastaction.optimal.iterates.direction import DiscreteDirection, ModelMinimum
 from leastaction.optimal.iterates.free_start import FreeStart
@@ -30,15 +30,23 @@ from leastaction.optimal.system import Linearization
 class Models:
     """Quadratic models of what is minimised, along the iterate.
 
-    ``merit``: what is minimised. ``space``: of the states, as of `System.charts`. ``costates`` (N+1, ndx): multipliers
+    ``merit``: what is minimised. ``space``: of the states, as of `System.charts`. ``own``: the projection, if that has gains of its own. ``costates`` (N+1, ndx): multipliers
     of the dynamics along a curve with gaps; None of a trajectory, whose adjoint they are, and where nothing is known of
     them yet. ``quasi_newton``: the minimum of that model, if it is known; ``feedback`` (N, nu, ndx): gains about the
     iterate, if these are.
     """
 
-    def __init__(self, system: DiscreteSystem, merit: Merit, here: Here, work: Work, start: FreeStart) -> None:
+    def __init__(
+        self,
+        system: DiscreteSystem,
+        merit: Merit,
+        here: Here,
+        work: Work,
+        start: FreeStart,
+        own: OwnProjection | None = None,
+    ) -> None:
         self.system, self.merit, self.here, self.work, self.start = system, merit, here, work, start
-        self.space = system.charts()
+        self.space, self.own = system.charts(), own
         self.costates: Array | None = None
         self.linearization: Linearization | None = None
         self.curvature: Array | None = None
@@ -178,11 +186,11 @@ class Models:
 
     def own_gain(self) -> Array | None:
         """Return the projection's own gains about the iterate, if it has any."""
-        if self.work.lqr is None:
+        if self.own is None:
             return None
         if self.feedback is None:
             with self.work.clock("lq"):
-                self.here.gain = self.feedback = regulate(*self.linearize(), workspace=self.work.lqr)
+                self.here.gain = self.feedback = self.own.gains(self.linearize(), self.work.lqr)
         return self.here.gain
 
     # ---- Motions ----------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ import numpy as np
 
 from leastaction.errors import LeastActionError, ProjectionError, StepError
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.discrete.linear_quadratic import regulate
+from leastaction.optimal.discrete.linear_quadratic import Workspace, regulate
 from leastaction.optimal.discrete.projection import linearize_along_curve
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
 from leastaction.optimal.iterates.models import Models
@@ -77,6 +77,8 @@ def project_curve(models: Models, made: Rollout | None = None) -> None:
         found.append((value if np.isfinite(value) else np.inf, projected, gain))
 
     def regulator() -> Array:
+        if models.own is not None and models.own.is_users:
+            return models.own.gains(linearize_along_curve(system, x, u), Workspace(N, ndx, nu))
         models.quasi_newton = solution = models.solve("quasi-newton", models.work.held)
         return solution.K if solution.definite else regulate(*models.linearize())
 

@@ -13,16 +13,24 @@ class Work:
     ``clock``, ``rollouts``: of this run; roll-outs are those beside line searches. ``free``: where the next
     linear-quadratic problem is solved. ``held``: where the gains of the last projection stand, which outlive it,
     because the adjoint needs them. ``spare``: where others are solved meanwhile. ``last``: where those are whose
-    solution nobody keeps. ``lqr``: of the projection's own gains, if it has any. ``linearization``: the last one, which
+    solution nobody keeps. ``linearization``: the last one, which
     the next is written over.
     """
 
-    def __init__(self, N: int, nx: int, nu: int, *, own_gains: bool = False, clock: Clock | None = None) -> None:
+    def __init__(self, N: int, nx: int, nu: int, *, clock: Clock | None = None) -> None:
         self.clock = clock or Clock()
         self.rollouts = 0
         self.free, self.held, self.spare, self.last = (Workspace(N, nx, nu) for _ in range(4))
-        self.lqr = Workspace(N, nx, nu) if own_gains else None
+        self._lqr: Workspace | None = None
+        self._sizes = (N, nx, nu)
         self.linearization: Linearization | None = None
+
+    @property
+    def lqr(self) -> Workspace:
+        """Where the projection's own gains are found."""
+        if self._lqr is None:
+            self._lqr = Workspace(*self._sizes)
+        return self._lqr
 
     def renew(self) -> None:
         """Begin to count anew."""

@@ -10,6 +10,7 @@ import numpy as np
 from leastaction.errors import ProjectionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost
+from leastaction.optimal.discrete.own_projection import own_projection
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, given_start
 from leastaction.optimal.iterates.curve import CurveSteps
 from leastaction.optimal.iterates.free_start import FreeStart
@@ -63,7 +64,8 @@ class SearchParts:
         self.barrier: BarrierMerit | None = None
         if rows:
             self.barrier = barrier_merit(system, cost, self.rows, self.here, settings, dearer)
-        self.models = Models(system, self.plain, self.here, work, FreeStart(system, free_start))
+        own = own_projection(settings, system)
+        self.models = Models(system, self.plain, self.here, work, FreeStart(system, free_start), own)
         self.trajectory_steps = TrajectorySteps(self.models, settings.chunk)
         self.renew()
 

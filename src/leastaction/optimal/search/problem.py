@@ -84,7 +84,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         work: Work | None = None,
     ) -> None:
         self.settings, self.finer, self.results = settings, finer, results
-        work = work or Work(system.N, system.ndx, system.nu, own_gains=settings.regulator == "lqr")
+        work = work or Work(system.N, system.ndx, system.nu)
         dearer = dearer or (1.0 if final_time is None else _DEARER)
         self.parts = SearchParts(system, cost, settings, rows, free_start, dearer, grid or OwnSteps(), work)
         self.beginning = Beginning(self.parts, gapped, final_time, self.found_with)
