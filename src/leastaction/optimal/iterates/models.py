@@ -30,10 +30,10 @@ from leastaction.optimal.system import Linearization
 class Models:
     """Quadratic models of what is minimised, along the iterate.
 
-    ``merit``: what is minimised. ``space``: of the states, as of `System.charts`. ``own``: the projection, if that has gains of its own. ``costates`` (N+1, ndx): multipliers
-    of the dynamics along a curve with gaps; None of a trajectory, whose adjoint they are, and where nothing is known of
-    them yet. ``quasi_newton``: the minimum of that model, if it is known; ``feedback`` (N, nu, ndx): gains about the
-    iterate, if these are.
+    ``merit``: what is minimised. ``space``: of the states, as of `System.charts`. ``own``: the projection, if that has
+    gains of its own. ``costates`` (N+1, ndx): multipliers of the dynamics along a curve with gaps; None of a
+    trajectory, whose adjoint they are, and where nothing is known of them yet. ``quasi_newton``: the minimum of that
+    model, if it is known; ``feedback`` (N, nu, ndx): gains about the iterate, if these are.
     """
 
     def __init__(
