@@ -36,12 +36,17 @@ RETURNED = {
     "AccelerationDerivatives", "AccelerationTensors", "Accelerations", "Affine", "Branch", "Composition",
     "ConfigurationProjection", "ContinuousLinearQuadraticSolution", "ContinuousOptimizationResult",
     "ContinuousRollout", "ContinuousState", "Contradiction", "Controllability", "ControllabilityWindow", "CostAlong",
-    "CostGradient", "CostHessian", "DenseTrajectory", "DerivativeReport", "DiscreteBalance", "Drift", "Energy",
-    "Equilibrium", "EventRecord", "Frame", "FunctionDerivatives", "FunctionReport", "HessianPart", "IterationRecord",
-    "LimitReport", "LimitState", "LinearQuadraticSolution", "LoopBands", "SteadyGain",
-    "Linearization", "ModelHessian", "OptimizationHistory",
-    "RateGradient", "RateHessian", "Rollout", "Rotations", "Sensitivity", "Stability", "Step", "StepDerivatives",
-    "StepSensitivity", "StepTensors", "TrackingErrors", "VelocityProjection", "Unknown", "Wrench",
+    "CostGradient", "CostHessian", "CostOfAccelerations", "DenseTrajectory", "DerivativeReport", "DiscreteBalance",
+    "Drift", "Energy", "Equilibrium", "EventRecord", "Frame", "FunctionDerivatives", "FunctionReport", "HessianPart",
+    "IterationRecord", "LimitReport", "LimitState", "LinearQuadraticSolution", "Linearization", "LoopBands",
+    "ModelHessian", "MovedPoints", "OptimizationHistory", "PricedLimits", "RateGradient", "RateHessian", "Rollout",
+    "Rotations", "Sensitivity", "Stability", "SteadyGain", "Step", "StepDerivatives", "StepSensitivity",
+    "StepTensors", "TrackingErrors", "Unknown", "VelocityProjection", "Wrench",
+}  # fmt: skip
+# What the applications use that are built on the package.
+OF_APPLICATIONS = {
+    "PricedLimit", "Provenance", "axis_rotation", "check_result", "count_steps", "linearize_along_curve", "new_figure",
+    "panel_grid", "styled", "tension_panel",
 }  # fmt: skip
 
 
@@ -109,7 +114,7 @@ def untyped_answer(function: Callable[..., object], arguments: dict[str, object]
 def test_everything_public_is_walked() -> None:
     """A new function or class has a right call in `api/walk`, or is returned by one."""
     walked_names = {name.partition(" in ")[0].removeprefix("element ") for it in GROUPS.values() for name in it.calls()}
-    missing = sorted(set(public_names()) - walked_names - RETURNED)
+    missing = sorted(set(public_names()) - walked_names - RETURNED - OF_APPLICATIONS)
     assert not missing
 
 

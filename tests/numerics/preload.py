@@ -23,6 +23,9 @@ import json
 import numpy as np
 
 from leastaction import *
+from leastaction.elements import *
+from leastaction.mechanics import *
+from leastaction.optimal import *
 from leastaction.systems import PulledSystem
 from leastaction.models import MODELS, andrews, four_bars, marionette, puppet_arm, scissor_lift
 

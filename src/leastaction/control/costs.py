@@ -20,6 +20,7 @@ from leastaction.numerics.arrays import (
 )
 from leastaction.numerics.differences import central_differences, complex_step
 from leastaction.numerics.names import matching
+from leastaction.numerics.public import public
 from leastaction.optimal.cost import matrix_of
 from leastaction.optimal.discrete.cost import Cost, CostGradient, QuadraticCost
 from leastaction.optimal.discrete.hessians import CostHessian
@@ -32,6 +33,7 @@ Wanted = Mapping[str, float | ArrayLike | Callable[[float], float]] | ArrayLike 
 _LEAST_EFFORT = 1e-9  # price of an input that has none: without one there need be no minimum
 
 
+@public
 def tracking(
     system: DiscreteSystem,
     weights: Mapping[str, float],
@@ -169,6 +171,7 @@ def _weights(system: DiscreteSystem, weights: Mapping[str, float], x: Array, wha
     return out
 
 
+@public
 class CostSum(Cost):
     """The sum of costs; as fit for several threads as they are.
 
@@ -235,6 +238,7 @@ def _plus(one: Array, other: Array) -> Array:
     return np.ascontiguousarray(matrix_of(one) + matrix_of(other))
 
 
+@public
 class GaussNewton(Cost):
     """Half the sum of squares of residuals, ``1/2 sum_k |r(x_k, u_k, k)|^2 + 1/2 |r_N(x_N)|^2``.
 

@@ -19,6 +19,7 @@ from leastaction.control.kalman import KalmanFilter
 from leastaction.control.readings import Measured, Readings, Spread
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_count, read_only
+from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian
 from leastaction.optimal.discrete.system import DiscreteSystem
@@ -32,6 +33,7 @@ from leastaction.optimal.system import Linearization
 _OPTIONS = Options(tolerance=1e-8, max_iterations=50)
 
 
+@public
 class MovingHorizonEstimator:
     """An estimator by the optimiser: as a `KalmanFilter`, but within limits. Not for several threads.
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-import warnings
 from collections.abc import Callable
-from types import FrameType
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -15,6 +12,7 @@ from leastaction.errors import DescriptionError, SwingWarning, brief
 from leastaction.numerics.arrays import Array, as_array, as_choice, as_count, as_number
 from leastaction.numerics.hermite import monotone, quintics, suggested_curvatures
 from leastaction.numerics.public import public
+from leastaction.numerics.warn import warn
 
 _DEGREE = 5
 Between = Literal["smooth", "monotone"]
@@ -284,26 +282,16 @@ def _tell_of_swings(curve: Curve, x: Array, y: Array, u: int, w: int) -> None:
     i, k = np.unravel_index(int(np.argmax(off)), off.shape)
     with np.errstate(over="ignore", under="ignore"):
         between, given = np.ldexp(x[i : i + 2], u), np.ldexp([*y[i : i + 2], found[i, k]], w)
-    warnings.warn(
+    warn(
         f"Curve: between x = {between[0]:g} and {between[1]:g}, where y = {given[0]:g} and {given[1]:g} are given, it "
         f"goes to {given[2]:.3g}: it swings. Choose between='monotone', give slopes=, or more points where it bends",
         SwingWarning,
-        stacklevel=_outside(),
     )
 
 
 def _exponent(numbers: Array) -> int:
     """Return which power of two is near the largest of some numbers."""
     return int(np.frexp(np.abs(numbers).max())[1])
-
-
-def _outside() -> int:
-    """Return the stack level of who made the curve, of a warning in `_tell_of_swings`."""
-    level = 1
-    frame: FrameType | None = sys._getframe(1)
-    while frame is not None and frame.f_globals.get("__name__") == __name__:
-        level, frame = level + 1, frame.f_back
-    return level
 
 
 def _restore(breaks: Array, coefficients: Array) -> Curve:

@@ -16,7 +16,7 @@ import os
 import sys
 import types
 import typing
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sized
 from types import TracebackType
 from typing import Any, NamedTuple, TypeVar
 
@@ -34,6 +34,7 @@ _DESCRIBES = (
     "leastaction.mechanics.description",
     "leastaction.mechanics.elements",
     "leastaction.mechanics.expressions",
+    "leastaction.numerics.curve",
 )
 
 
@@ -227,6 +228,8 @@ def kind_of(annotation: object, function: Callable[..., Any]) -> Asked:
         return _mapping_of(*(kind_of(each, function) for each in arguments or (Any, Any)))
     if it is os.PathLike:
         return Asked(lambda value: isinstance(value, it), "a path")
+    if it is tuple and arguments and arguments[-1] is not Ellipsis:
+        return _tuple_of([kind_of(each, function) for each in arguments])
     if issubclass(it, Iterable) and origin is not None:
         return _list_of(kind_of(arguments[0], function) if arguments else ANY)
     article = "an" if it.__name__[0] in "AEIOU" else "a"
@@ -250,6 +253,15 @@ def _list_of(entry: Asked) -> Asked:
         return not hasattr(value, "__len__") or all(map(entry.fits, value))
 
     return Asked(fits, "a list" if entry is ANY else f"a list, each of it {entry.words}")
+
+
+def _tuple_of(entries: list[Asked]) -> Asked:
+    def fits(value: object) -> bool:
+        if isinstance(value, (str, bytes, Mapping)) or not isinstance(value, Sized) or not isinstance(value, Iterable):
+            return False
+        return len(value) == len(entries) and all(asked.fits(each) for asked, each in zip(entries, value, strict=True))
+
+    return Asked(fits, f"{len(entries)} of these: {', '.join(entry.words for entry in entries)}")
 
 
 def _mapping_of(key: Asked, entry: Asked) -> Asked:

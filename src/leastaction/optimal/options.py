@@ -127,6 +127,8 @@ _OF_THE_PROBLEM = ("horizon", "limits", "free_start", "unknowns", "resume", "opt
 def check_settings(settings: Mapping[str, Any]) -> None:
     """Complain about settings that are passed on to `optimize`, before anything is computed."""
     Options().changed(**{name: value for name, value in settings.items() if name not in _OF_THE_PROBLEM})
+
+
 def _as_projection(given: Any) -> Any:
     """Return gains or weights of a projection, owned, as far as they can be checked without a system."""
     if given is None or isinstance(given, PiecewisePolynomial):
@@ -137,7 +139,6 @@ def _as_projection(given: Any) -> Any:
         if name not in _WEIGHTS:
             raise ArgumentError(f"projection: {name!r} is no weight; {closest(str(name), _WEIGHTS, what='weights')}")
     return dict(given)
-
 
 
 _WEIGHTS = ("Q", "R", "Q_final")

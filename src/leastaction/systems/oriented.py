@@ -11,6 +11,7 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_number
 from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.numerics.public import public
 from leastaction.optimal.collocation.limits import Points
 from leastaction.optimal.cost import owned
 from leastaction.optimal.limits.limit import Equal, Horizon, Limit, When, Within
@@ -64,6 +65,7 @@ class TurnOfFrame(Quantity):
         return np.ascontiguousarray(at.x[:, : self.turn.mechanism.nq])
 
 
+@public
 @dataclass(frozen=True)
 class Oriented(Limit):
     """Hold how a frame is turned: as wanted, or within an angle of that.

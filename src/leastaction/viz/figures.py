@@ -77,6 +77,7 @@ def _style() -> Iterator[None]:
         yield
 
 
+@public
 def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     """Draw in this package's style and leave the caller's matplotlib settings as they were."""
 
@@ -88,6 +89,7 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     return wrapper
 
 
+@public
 def new_figure(width: float, height: float, *, layout: Literal["constrained"] | None = "constrained") -> Figure:
     """Return an empty figure of this size in inches, tied to no display and no global state."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg

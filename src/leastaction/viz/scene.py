@@ -322,9 +322,7 @@ def mechanism_scene(
         ghost = _paths(mechanism, as_array(reference, "reference", shape, names=mechanism.variables), body)
     pulls = None
     if tension is not None:
-        array = as_array(tension, "tension", (None, None))
-        if array.ndim != 2 or array.shape[1] != len(cords):
-            raise ArgumentError(f"tension has shape {array.shape}, expected (N, {len(cords)})")
+        array = as_array(tension, "tension", (None, len(cords)), meaning="a pull of each cord")
         pulls = {cord.name: array[:, i] for i, cord in enumerate(cords)}
     return Scene(
         t=times,

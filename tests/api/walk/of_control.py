@@ -54,6 +54,27 @@ def calls() -> dict[str, Call]:
                 "progress": None,
             },
         ),
+        "CostSum": (control.CostSum, {"costs": [line_price(), line_price()]}),
+        "GaussNewton": (
+            lambda **given: la.optimize(
+                line(), control.GaussNewton(**given), initial=([0.5, 0.0], np.zeros((5, 1))), max_iterations=1
+            ),
+            {"residual": lambda x, u, k: [x[0], u[0]], "final": lambda x: [x[0]], "derivatives": "complex-step"},
+        ),
+        "tracking": (
+            control.tracking,
+            {
+                "system": steps(), "weights": {"a": 1.0}, "wanted": None, "effort": 0.1, "inputs": None,
+                "final": None, "during": None,
+            },
+        ),
+        "MovingHorizonEstimator": (
+            control.MovingHorizonEstimator,
+            {
+                "system": line(), "measure": np.eye(2), "noise": [0.1, 0.1], "process": [0.1, 0.1], "x": [0.0, 0.0],
+                "spread": 1.0, "horizon": 3, "limits": (),
+            },
+        ),
         "lqr": (control.lqr, {"A": A, "B": B, "Q": [1.0, 1.0], "R": [1.0], "dt": 0.1, "S": None}),
         "lqe": (control.lqe, {"A": A, "C": np.eye(2), "W": np.eye(2), "V": np.eye(2), "dt": 0.1}),
         "simulate_many": (

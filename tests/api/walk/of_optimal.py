@@ -104,6 +104,21 @@ def calls() -> dict[str, Call]:
         "SmoothCost": (
             systems.SmoothCost, {"cost": tied_price(), "system": tied(), "accelerations": {"hook": 1.0}},
         ),
+        "FunctionCost": (
+            lambda **given: la.optimize(line(), optimal.FunctionCost(**given), initial=start, max_iterations=1),
+            {
+                "stage": lambda x, u, k: x[0] ** 2 + u[0] ** 2, "final": None, "derivatives": "complex-step",
+                "final_derivatives": None, "nonnegative": False,
+            },
+        ),
+        "OrientationCost": (
+            systems.OrientationCost,
+            {"cost": price(), "system": steps(), "orientations": {"B": np.eye(3)}, "weights": {"B": 1.0}},
+        ),
+        "Oriented": (
+            lambda **given: limited(systems.Oriented(**given)),
+            {"frame": "B", "rotation": np.eye(3), "within": 3.0, "at": "end"},
+        ),
         "HelpedCost": (optimal.HelpedCost, {"cost": price(), "columns": np.array([0]), "price": np.array([2.0])}),
         "WindowCost": (optimal.WindowCost, {"cost": price(), "start": 1, "stop": 3, "N": 5, "nu": 1}),
         "WindowSystem": (optimal.WindowSystem, {"system": steps(), "start": 1, "stop": 3}),

@@ -314,5 +314,5 @@ def test_tables_that_are_no_motion(tmp_path: Path) -> None:
 
 
 def test_streams_are_no_paths(run: la.Trajectory) -> None:
-    with pytest.raises(TypeError):
+    with pytest.raises(ArgumentError, match=r"Trajectory.save: path: got .* \(BytesIO\), expected a word or a path"):
         run.save(io.BytesIO())  # type: ignore[arg-type]

@@ -212,6 +212,7 @@ def forward_kinematics(capture: Capture) -> tuple[Array, Array]:
     return positions, rotations
 
 
+@public
 def axis_rotation(axis: int, angle: Array) -> Array:
     """Rotation matrices (..., 3, 3) about coordinate axis 0, 1 or 2 by `angle` (...) in radians."""
     matrix = np.zeros((*angle.shape, 3, 3))

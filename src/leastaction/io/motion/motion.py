@@ -20,6 +20,7 @@ _MOST_STEPS = 1_000_000
 _SLOWEST = 1e-6  # of the samples' rate: filters of lower frequencies drown in rounding
 
 
+@public
 def count_steps(duration: float, dt: float) -> int:
     """Return the number of steps in a duration, rounded; `ArgumentError` if no memory could hold them."""
     steps = duration / dt

@@ -8,6 +8,7 @@ import numpy as np
 
 from leastaction.errors import ResultFileError
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 from leastaction.optimal import OptimizationResult
 
 
@@ -39,6 +40,7 @@ def check_history(result: OptimizationResult, source: str) -> None:
             )
 
 
+@public
 def check_result(result: OptimizationResult, source: str) -> None:
     """Raise a `ResultFileError` unless the arrays of a result fit each other and are finite.
 

@@ -15,7 +15,6 @@ intermediate states back onto the constraints too, and leads over it by long ste
 from __future__ import annotations
 
 import itertools
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -26,6 +25,7 @@ from leastaction.mechanics.continuous.equations import Equations
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.ode import Interpolant
+from leastaction.numerics.warn import warn
 
 # Part of the energy that moves about which may be lost in all before it is told; or this many relative tolerances.
 _LOST = 1e-3
@@ -197,9 +197,9 @@ def crossings(m: Mechanism, q: Array) -> Array:
     return crossed
 
 
-def tell(found: EnergyBalance, rtol: float, *, stacklevel: int = 3) -> str | None:
+def tell(found: EnergyBalance, rtol: float) -> str | None:
     """Warn of an energy that does not balance, and return the warning."""
     complaint = found.complaint(rtol)
     if complaint is not None:
-        warnings.warn(complaint, EnergyBalanceWarning, stacklevel=stacklevel)
+        warn(complaint, EnergyBalanceWarning)
     return complaint

@@ -22,7 +22,6 @@ Both describe the same mechanism.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypedDict, Unpack
@@ -37,6 +36,7 @@ from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.names import check_name
 from leastaction.numerics.public import public
+from leastaction.numerics.warn import warn
 
 _FULL_TURN = 2.0 * np.pi * (1.0 + 1e-9)
 
@@ -213,11 +213,10 @@ def moving(
     prescribed = kinematic_names(kinematic, coordinate.names, f"{transform}({coordinate})")
     angle = coordinate.offset and coordinate.offset * float(np.linalg.norm(twist[3:]))
     if abs(angle) > _FULL_TURN:
-        warnings.warn(
+        warn(
             f"{transform}({coordinate}): the constant angle {angle:.6g} rad is more than a full turn. Angles "
             f"are in radians; if degrees are meant, write np.radians({angle:.6g})",
             UnitWarning,
-            stacklevel=3,
         )
     return Frame(
         transform,

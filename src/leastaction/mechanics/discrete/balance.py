@@ -7,7 +7,6 @@ that was too fast for it. The core notes energy and work of every step (``cpp/di
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,6 +16,7 @@ from leastaction.errors import EnergyBalanceWarning
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import Frozen, made
 from leastaction.numerics.public import public
+from leastaction.numerics.warn import warn
 
 # Part of the largest kinetic energy that may come or go, and of the work that was done.
 _LOST, _LOST_OF_WORK = 0.01, 0.002
@@ -101,9 +101,9 @@ def balance_of(t: Array, rows: Array) -> DiscreteBalance:
     )
 
 
-def tell(found: DiscreteBalance, *, stacklevel: int) -> str:
+def tell(found: DiscreteBalance) -> str:
     """Warn of an energy that does not balance, and return the warning; empty where there is none."""
     complaint = found.complaint
     if complaint:
-        warnings.warn(complaint, EnergyBalanceWarning, stacklevel=stacklevel + 1)
+        warn(complaint, EnergyBalanceWarning)
     return complaint

@@ -9,7 +9,6 @@ for the dynamic variables of q2 and the multipliers lam; the kinematic variables
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from functools import partial
 from typing import Any, Literal, final, get_args
@@ -54,6 +53,7 @@ from leastaction.numerics.arrays import (
 from leastaction.numerics.frozen import made
 from leastaction.numerics.names import as_names
 from leastaction.numerics.public import public
+from leastaction.numerics.warn import warn
 
 Split = Literal["symmetric", "left"]
 
@@ -245,7 +245,7 @@ class MidpointVI(Integrator):
             self.watch.look(t[1:], x[None, : m.nq], before=state.q)
         quality = quality_of(m, out, t)
         if quality is not None and quality.is_coarse:
-            warnings.warn(str(quality), CoarseStepWarning, stacklevel=2)
+            warn(str(quality), CoarseStepWarning)
         end = state_of(m, begin + h, x)
         return made(Step, state=end, lam=out.lam[0], iterations=out.iterations, quality=quality)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from typing import Literal, cast, get_args
 
@@ -30,6 +29,7 @@ from leastaction.mechanics.discrete.trajectory import (
 from leastaction.numerics.arrays import Array, as_array, as_choice, as_number, as_times, read_only
 from leastaction.numerics.signals import Signal, StateLaw, signal_rows, takes_state
 from leastaction.numerics.step_quality import StepQuality, coarsest
+from leastaction.numerics.warn import warn
 
 LawAt = Literal["start", "midpoint"]
 
@@ -129,9 +129,9 @@ def simulate(
     passages = vi.watch.look(times[: done + 1], run.x[: done + 1, : m.nq])
     worst = coarsest(run.qualities)
     if worst is not None and worst.is_coarse and status is not SimulationStatus.STEP_FAILED:
-        warnings.warn(str(worst), CoarseStepWarning, stacklevel=2)
+        warn(str(worst), CoarseStepWarning)
     balance = run.balance()
-    complaint = tell(balance, stacklevel=2)
+    complaint = tell(balance)
     if complaint and status is SimulationStatus.COMPLETED:
         status, message = SimulationStatus.UNBALANCED, f"{message}, but {complaint}"
     failed = status is SimulationStatus.STEP_FAILED
@@ -142,7 +142,7 @@ def simulate(
     if rounded and failed:
         message = f"{message}. But {rounded}"
     elif rounded:
-        warnings.warn(rounded, RoundingWarning, stacklevel=2)
+        warn(rounded, RoundingWarning)
         status, message = SimulationStatus.ROUNDED, f"{message}, but {rounded}"
     return trajectory_of(
         m,

@@ -7,7 +7,6 @@ mass matrix of the two angles falls as ``1 - cos(d)``.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from leastaction.errors import SingularityWarning
 from leastaction.mechanics.description.tree import BallAngles
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.warn import warn
 
 # At 0.05 rad (2.9 degrees) the angles turn up to 20 times as fast as the joint: a time step that resolves 20
 # steps a radian of motion then takes the angles a radian a step. Well outside, the angles do as well as any.
@@ -50,16 +50,16 @@ class SingularityWatch:
                 for name, factor in angle.terms:
                     factors[column[name], index] = factor
 
-    def look(self, t: Array, q: Array, *, before: Array | None = None, stacklevel: int = 3) -> tuple[str, ...]:
+    def look(self, t: Array, q: Array, *, before: Array | None = None) -> tuple[str, ...]:
         """Warn of every ball joint that comes near its singularity or goes through it between two instants.
 
         Near is where the accuracy suffers: so near that angles are not determined, or farther away where its
         outer and inner angle move too fast for the time step.
 
         ``t`` (N+1,): times (s); a single one says nothing of the step. ``q`` (N+1, nq): configurations. ``before``
-        (nq,): the configuration before the first one, which has been looked at. ``stacklevel``: how many calls out the
-        warning points to; the caller's caller. Returns the warnings. Warns `SingularityWarning` once for every joint:
-        its name, its middle angle, and the step and the time when it came near.
+        (nq,): the configuration before the first one, which has been looked at. Returns the warnings. Warns
+        `SingularityWarning` once for every joint: its name, its middle angle, and the step and the time when it came
+        near.
         """
         if not self.balls:
             return ()
@@ -79,7 +79,7 @@ class SingularityWatch:
                 k = int(np.argmax(near[:, index]))
                 step = f"step {k}, " if len(t) > 1 else ""
                 found.append(_message(ball, float(turns[k, index]), f"{step}t = {t[k]:.6g} s"))
-                warnings.warn(found[-1], SingularityWarning, stacklevel=stacklevel)
+                warn(found[-1], SingularityWarning)
         return tuple(found)
 
 

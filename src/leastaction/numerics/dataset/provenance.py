@@ -9,8 +9,10 @@ from datetime import UTC, datetime
 from importlib import metadata
 
 from leastaction._version import __version__
+from leastaction.numerics.public import public
 
 
+@public
 @dataclass(frozen=True)
 class Provenance:
     """When something was made, and with which programs.

@@ -144,7 +144,7 @@ class FunctionCost(Cost):
 
 
 def _joined(stage: Callable[[Any, Any, int], Any], nx: int, y: Any, k: int) -> Any:
-    return stage(y[:nx], y[nx:], k)
+    return called(stage, "stage", y[:nx], y[nx:], k)
 
 
 def _stages(x: Array, u: Array, start: int) -> list[tuple[Array, Array, int]]:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from leastaction.errors import LeastActionError
+from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.public import public
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
@@ -97,6 +97,7 @@ class ProjectionOperator:
         return ddx, ddu
 
 
+@public
 def linearize_along_curve(system: DiscreteSystem, x: Array, u: Array) -> Linearization:
     """Return A and B of every step from the states and inputs of a curve that is no trajectory.
 

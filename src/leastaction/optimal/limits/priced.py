@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
 from leastaction.optimal.discrete.system import DiscreteSystem
@@ -39,6 +40,7 @@ class _Broken(NamedTuple):
     off: Array
 
 
+@public
 class PricedLimits(AddedCost):
     """Another cost, and the price of limits that are broken. As fit for several threads as the other cost.
 

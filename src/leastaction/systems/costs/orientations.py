@@ -9,12 +9,14 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, as_array, read_only
+from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.systems.costs.configurations import CostOfConfigurations
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.orientations import MissingTurn, Orientation, quaternions_of
 
 
+@public
 class OrientationCost(CostOfConfigurations):
     """Another cost and half the weighted squares of the rotations by which frames miss wanted orientations.
 

@@ -19,6 +19,7 @@ from leastaction.systems.midpoint import MidpointSystem
 IntArray = NDArray[np.integer]
 
 
+@public
 class CostOfAccelerations(AddedCost):
     """Another cost and half the weighted squares of the accelerations of prescribed variables, by their places.
 

@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike
 
 from leastaction.mechanics.mechanism.arguments import Compiled, frame_index
 from leastaction.numerics.arrays import Array, as_array, read_only
+from leastaction.numerics.public import public
 
 
+@public
 @dataclass(frozen=True)
 class MovedPoints:
     """P points of frames: behind joints ``joints`` (-1: the world), at ``offsets`` (P, 3) in their axes."""
