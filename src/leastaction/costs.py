@@ -8,16 +8,25 @@ from leastaction.optimal import (
     Cost,
     CostGradient,
     CostHessian,
+<<<<<<< HEAD
     FunctionCost,
+=======
+    CostSum,
+    GaussNewton,
+>>>>>>> main
     QuadraticCost,
     RateGradient,
     RateHessian,
 )
-from leastaction.systems import OrientationCost, PlaceCost, SmoothCost
+from leastaction.systems import OrientationCost, PlaceCost, SmoothCost, tracking
 
 __all__ = [  # noqa: RUF022 - by topics
     # In discrete time
+<<<<<<< HEAD
     "FunctionCost", "OrientationCost", "PlaceCost", "QuadraticCost", "SmoothCost",
+=======
+    "CostSum", "GaussNewton", "OrientationCost", "PlaceCost", "QuadraticCost", "SmoothCost", "tracking",
+>>>>>>> main
     # In continuous time
     "ContinuousQuadraticCost",
     # Of one's own

@@ -1,4 +1,4 @@
-"""Costs in the user's words: wanted motions by name, effort, times at which they count, sums, and residuals."""
+"""Costs in the user's words: wanted motions by name, effort, and the times at which they count."""
 
 from __future__ import annotations
 
@@ -9,21 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, unknown
-from leastaction.numerics.arrays import (
-    Array,
-    as_array,
-    as_choice,
-    as_number,
-    read_only,
-    require_instance,
-    require_mapping,
-)
-from leastaction.numerics.differences import central_differences, complex_step
+from leastaction.numerics.arrays import Array, as_array, as_number, require_instance, require_mapping
 from leastaction.numerics.names import matching
+<<<<<<< HEAD:src/leastaction/control/costs.py
 from leastaction.numerics.public import public
 from leastaction.optimal.cost import matrix_of
 from leastaction.optimal.discrete.cost import Cost, CostGradient, QuadraticCost
 from leastaction.optimal.discrete.hessians import CostHessian
+=======
+from leastaction.optimal.discrete.cost import QuadraticCost
+>>>>>>> main:src/leastaction/systems/costs/tracking.py
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.systems.midpoint import MidpointSystem
 
@@ -78,7 +73,7 @@ def tracking(
     --------
     >>> import numpy as np
     >>> from leastaction import MidpointSystem, MidpointVI
-    >>> from leastaction.control import tracking
+    >>> from leastaction.costs import tracking
     >>> from leastaction.models.cart_pendulum import cart_pendulum
     >>> system = MidpointSystem(MidpointVI(cart_pendulum()), np.linspace(0.0, 1.0, 51))
     >>> cost = tracking(system, {"theta": 100.0, "*.v": 0.1}, {"theta": np.pi}, effort={"x-force": 1e-3})
@@ -86,6 +81,8 @@ def tracking(
     ((50, 4, 4), np.float64(3.142))
     """
     require_instance(system, "system", DiscreteSystem, "such as a MidpointSystem")
+    if system.charts() is not None:
+        raise ArgumentError("system: its states are no plain vectors; give a QuadraticCost with its `space`")
     x = _over_time(system, wanted, system.state_names, system.N + 1, "wanted")
     u = _over_time(system, inputs, system.input_names, system.N, "inputs")
     m = system.mechanism if isinstance(system, MidpointSystem) else None
@@ -169,6 +166,7 @@ def _weights(system: DiscreteSystem, weights: Mapping[str, float], x: Array, wha
         by[m.nd :, rho] = np.eye(m.nrho)
         out[k] += by.T @ (of_rates[:, None] * by)
     return out
+<<<<<<< HEAD:src/leastaction/control/costs.py
 
 
 @public
@@ -322,3 +320,5 @@ class GaussNewton(Cost):
         if self.derivatives == "complex-step":
             return complex_step(lambda y: np.asarray(function(y)), at)
         return np.asarray(central_differences(lambda y: np.asarray(function(y)), at))
+=======
+>>>>>>> main:src/leastaction/systems/costs/tracking.py
