@@ -8,12 +8,9 @@ from leastaction.optimal import (
     Cost,
     CostGradient,
     CostHessian,
-<<<<<<< HEAD
-    FunctionCost,
-=======
     CostSum,
+    FunctionCost,
     GaussNewton,
->>>>>>> main
     QuadraticCost,
     RateGradient,
     RateHessian,
@@ -22,11 +19,7 @@ from leastaction.systems import OrientationCost, PlaceCost, SmoothCost, tracking
 
 __all__ = [  # noqa: RUF022 - by topics
     # In discrete time
-<<<<<<< HEAD
-    "FunctionCost", "OrientationCost", "PlaceCost", "QuadraticCost", "SmoothCost",
-=======
-    "CostSum", "GaussNewton", "OrientationCost", "PlaceCost", "QuadraticCost", "SmoothCost", "tracking",
->>>>>>> main
+    "CostSum", "FunctionCost", "GaussNewton", "OrientationCost", "PlaceCost", "QuadraticCost", "SmoothCost", "tracking",
     # In continuous time
     "ContinuousQuadraticCost",
     # Of one's own

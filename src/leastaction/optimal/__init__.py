@@ -81,12 +81,9 @@ else:
             ),
             "leastaction.optimal.discrete.controllability": "Controllability ControllabilityWindow controllability",
             "leastaction.optimal.discrete.cost": "AddedCost Cost CostGradient QuadraticCost WindowCost",
-<<<<<<< HEAD
             "leastaction.optimal.discrete.function_cost": "FunctionCost",
-=======
             "leastaction.optimal.discrete.residuals": "GaussNewton",
             "leastaction.optimal.discrete.sums": "CostSum",
->>>>>>> main
             "leastaction.optimal.discrete.function_system": "FunctionSystem LinearSystem",
             "leastaction.optimal.discrete.hessians": "CostHessian HessianPart ModelHessian",
             "leastaction.optimal.discrete.linear_quadratic": (
@@ -119,24 +116,10 @@ else:
 __all__ = [
     "Accuracy", "AddedCost", "Bound", "Callback", "ContinuousCost", "ContinuousLinearQuadraticSolution",
     "ContinuousOptimizationResult", "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout",
-<<<<<<< HEAD
-    "ContinuousSystem", "Controllability", "ControllabilityWindow", "Cost", "CostAlong", "CostGradient",
-    "CostHessian", "DenseTrajectory", "DerivativeReport", "DiscreteSystem", "Entries", "Equal", "FinalTime",
-    "FunctionContinuousSystem", "FunctionCost", "FunctionQuantity", "FunctionSystem", "HelpedCost", "HessianPart",
-    "IterationRecord",
-    "IterationTable", "Limit", "LimitReport", "LimitState", "LinearContinuousSystem", "LinearQuadraticSolution",
-    "LinearSystem", "Linearization", "Method", "ModelHessian", "OptimizationHistory", "OptimizationResult",
-    "Optimizer", "Options", "Parameter", "Periodic", "PiecewisePolynomial", "PricedLimit", "PricedLimits",
-    "ProductSpace", "ProjectionOperator", "QuadraticCost", "Quantity", "RateGradient", "RateHessian", "Rollout",
-    "Rotations", "Shooting", "StageRecord", "StageTable", "StartResult", "StartStatus", "StateSpace", "Status",
-    "Unknown", "Vectors", "WindowCost", "WindowSystem", "Within", "adjoint", "check_derivatives", "coarse_to_fine",
-    "continuation", "controllability", "cost_along", "linearize_along_curve", "optimize", "optimize_continuous",
-    "receding_horizon", "regulate", "regulate_continuous", "resample", "solve_continuous_linear_quadratic",
-    "solve_linear_quadratic", "steady_state_regulator", "sweep_forward",
-=======
     "ContinuousSystem", "Controllability", "ControllabilityWindow", "Cost", "CostAlong", "CostGradient", "CostHessian",
     "CostSum", "DenseTrajectory", "DerivativeReport", "DiscreteSystem", "Entries", "Equal", "FinalTime",
-    "FunctionContinuousSystem", "FunctionQuantity", "FunctionSystem", "GaussNewton", "HelpedCost", "HessianPart",
+    "FunctionContinuousSystem", "FunctionCost",
+    "FunctionQuantity", "FunctionSystem", "GaussNewton", "HelpedCost", "HessianPart",
     "IterationRecord", "IterationTable", "Limit", "LimitReport", "LimitState", "LinearContinuousSystem",
     "LinearQuadraticSolution", "LinearSystem", "Linearization", "Method", "ModelHessian", "OptimizationHistory",
     "OptimizationResult", "Optimizer", "Options", "Parameter", "Periodic", "PiecewisePolynomial", "PricedLimit",
@@ -146,5 +129,4 @@ __all__ = [
     "coarse_to_fine", "continuation", "controllability", "cost_along", "linearize_along_curve", "optimize",
     "optimize_continuous", "receding_horizon", "regulate", "regulate_continuous", "resample",
     "solve_continuous_linear_quadratic", "solve_linear_quadratic", "steady_state_regulator", "sweep_forward",
->>>>>>> main
 ]  # fmt: skip

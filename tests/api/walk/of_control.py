@@ -8,7 +8,7 @@ import leastaction as la
 from api.walk.of_data import fields_of
 from api.walk.scenes import TIMES, Q, integrator, line, line_price, price, steps
 from api.walk.values import Call
-from leastaction import control
+from leastaction import control, costs
 from leastaction.control import monte_carlo
 
 A, B = np.array([[1.0, 0.1], [0.0, 1.0]]), np.array([[0.0], [0.1]])
@@ -54,15 +54,15 @@ def calls() -> dict[str, Call]:
                 "progress": None,
             },
         ),
-        "CostSum": (control.CostSum, {"costs": [line_price(), line_price()]}),
+        "CostSum": (costs.CostSum, {"costs": [line_price(), line_price()]}),
         "GaussNewton": (
             lambda **given: la.optimize(
-                line(), control.GaussNewton(**given), initial=([0.5, 0.0], np.zeros((5, 1))), max_iterations=1
+                line(), costs.GaussNewton(**given), initial=([0.5, 0.0], np.zeros((5, 1))), max_iterations=1
             ),
             {"residual": lambda x, u, k: [x[0], u[0]], "final": lambda x: [x[0]], "derivatives": "complex-step"},
         ),
         "tracking": (
-            control.tracking,
+            costs.tracking,
             {
                 "system": steps(), "weights": {"a": 1.0}, "wanted": None, "effort": 0.1, "inputs": None,
                 "final": None, "during": None,

@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_choice, read_only
 from leastaction.numerics.differences import central_differences, complex_step
+from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian
 
 
+@public
 class GaussNewton(Cost):
     """Half the sum of squares of residuals, ``1/2 sum_k |r(x_k, u_k, k)|^2 + 1/2 |r_N(x_N)|^2``.
 

@@ -8,11 +8,13 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, require_instance
+from leastaction.numerics.public import public
 from leastaction.optimal.cost import matrix_of
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian
 
 
+@public
 class CostSum(Cost):
     """The sum of costs; as fit for several threads as they are.
 
