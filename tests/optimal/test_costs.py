@@ -81,7 +81,8 @@ def test_final_weight(curves):
         ({"Q": [1.0, np.nan, 1.0, 1.0]}, r"Q: got nan at index \(1,\)"),
         ({"x_wanted": np.full((N + 1, NX), np.inf)}, "x_wanted: got inf"),
         ({"x_wanted": np.ones((N, NX))}, "one state more than inputs"),
-        ({"u_wanted": np.ones(N)}, r"\(N, nu\)"),
+        ({"u_wanted": np.ones((2, N, NU))}, r"\(N, nu\)"),
+        ({"u_wanted": np.ones(N)}, "R: got shape"),
     ],
 )
 def test_complains(curves, arguments, message):

@@ -292,12 +292,12 @@ def test_keyframes_of_a_closed_linkage() -> None:
 
 def test_what_is_wrong_with_limits_is_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("leastaction.systems.following.ways.optimize", None)  # it is not even tried
-    with pytest.raises(ArgumentError, match=r"^Bound\('turm'\): unknown name 'turm'"):
+    with pytest.raises(ArgumentError, match=r"^follow: Bound\('turm'\): unknown name 'turm'"):
         follow(ARM, {"hand": CIRCLE}, t=T, limits=[Bound("turm", -1.0, 1.0)])
 
 
 def test_what_is_wrong_with_every_way_is_told_as_it_is() -> None:
-    with pytest.raises(ArgumentError, match=r"^Bound\('elbow'\): .*the initial state is fixed"):
+    with pytest.raises(ArgumentError, match=r"^follow: Bound\('elbow'\): .*the initial state is fixed"):
         follow(ARM, {"elbow": np.full(101, 0.5)}, t=T, limits=[Bound("elbow", max=0.2)])
 
 

@@ -117,4 +117,4 @@ def test_settings_are_options_by_their_names() -> None:
     assert result.status is Status.ITERATION_LIMIT
     assert options.changed(method="newton").method == "newton"
     assert [way.name for way in WAYS] == list(WAY_NAMES)
-    assert Options(without="gaps").without == ("gaps",)  # type: ignore[arg-type]
+    assert Options(without=["gaps"]).without == ("gaps",)  # type: ignore[arg-type]

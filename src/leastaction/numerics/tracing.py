@@ -34,10 +34,8 @@ class TracedFunction:
 
     def derivative(self, order: int, *arguments: Any) -> Array:
         """Return the value (order 0), the first or the second derivatives, along last axes of their own."""
-        double = getattr(self._jax, "enable_x64", None)
-        if double is None:  # where it stood before
-            from jax.experimental import enable_x64 as double
-        with double(True):
+        where = self._jax if hasattr(self._jax, "enable_x64") else extra("jax.experimental", of="jax", why="this JAX")
+        with where.enable_x64(True):
             return np.asarray(self._compiled[order](*arguments), dtype=np.float64)
 
 

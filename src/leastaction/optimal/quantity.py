@@ -13,7 +13,7 @@ from leastaction.errors import ArgumentError, brief
 from leastaction.numerics.arrays import Array, as_array, as_places, read_only
 from leastaction.numerics.calls import called
 from leastaction.numerics.differences import central_differences, complex_step
-from leastaction.numerics.names import matching, some_names
+from leastaction.numerics.names import as_names, matching, some_names
 from leastaction.numerics.public import public
 
 Instants = np.ndarray[tuple[int], np.dtype[np.intp]]
@@ -153,7 +153,7 @@ class Entries(Quantity):
         kind: str = "",
         unit: str = "",
     ) -> None:
-        self.names = some_names(names, "Entries: names", "names")
+        self.names = as_names(names, "Entries: names", "names")
         self.of_state, self.kind, self.unit = of_state, kind, unit
         self.by_entries = of_state
         self.places: Instants = as_places(columns, "columns", f"(n,): a place of each of {len(self.names)} names")

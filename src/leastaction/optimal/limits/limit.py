@@ -130,6 +130,8 @@ class Within(Limit):
 
     def __post_init__(self) -> None:
         require_instance(self.quantity, "Within: quantity", Quantity, "FunctionQuantity makes one of a function")
+        if not self.quantity.names:
+            raise ArgumentError("Within: quantity: got one of no names, expected one at least")
 
     def rows(self, system: Horizon, first: int) -> list[Rows]:
         """Return the rows of both sides."""
