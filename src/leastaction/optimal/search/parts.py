@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
-
 import numpy as np
 
 from leastaction.errors import ProjectionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.own_projection import own_projection
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, given_start
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
 from leastaction.optimal.iterates.curve import CurveSteps
 from leastaction.optimal.iterates.free_start import FreeStart
 from leastaction.optimal.iterates.here import Here
@@ -117,9 +115,8 @@ class SearchParts:
 
     # ---- Where it stands ------------------------------------------------------------------------
 
-    def stand_at(self, initial: Any) -> None:
-        """Stand at the projection of a start, with what is minimised now."""
-        x, u = given_start(self.system, initial)
+    def stand_at(self, x: Array, u: Array) -> None:
+        """Stand at the projection of a start, a curve or an initial state, with what is minimised now."""
         N, ndx, nu = self.system.N, self.system.ndx, self.system.nu
         made: Rollout | None = None
         if x.ndim == 1:
