@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
 import numpy as np
 
 from leastaction.errors import ProjectionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.own_projection import own_projection
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, told_of
 from leastaction.optimal.iterates.curve import CurveSteps
 from leastaction.optimal.iterates.free_start import FreeStart
 from leastaction.optimal.iterates.here import Here
@@ -107,6 +110,11 @@ class SearchParts:
     def u(self) -> Array:
         """Inputs (N, nu) of the iterate."""
         return self.here.u
+
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """What results say of the system, which takes about as long to find as a model."""
+        return told_of(self.system)
 
     @property
     def shown(self) -> float:
