@@ -9,7 +9,7 @@ import numpy as np
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import changed
-from leastaction.optimal.discrete.cost import CostGradient
+from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import ModelHessian, between
 from leastaction.optimal.iterates.direction import DiscreteDirection, Iterate
 from leastaction.optimal.iterates.here import Here
@@ -67,6 +67,11 @@ class BarrierMerit(Merit):
     def forget_stage(self) -> None:
         self._room = None
         self._forget_duals()
+
+    def replaced(self, cost: Cost) -> None:
+        """Have another cost from now on."""
+        self.cost, self.limited.cost, self._has_bends = cost, cost, None
+        self.forget()
 
     def forget_leeway(self) -> None:
         """Drop the values of the limits: they may have been lent other leeway."""

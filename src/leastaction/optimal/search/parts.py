@@ -111,6 +111,13 @@ class SearchParts:
         """Inputs (N, nu) of the iterate."""
         return self.here.u
 
+    def replace_cost(self, cost: Cost) -> None:
+        """Search with another cost from now on, from the beginning."""
+        self.asked = cost
+        if self.barrier is not None:
+            self.barrier.replaced(cost)
+        self.renew()
+
     @cached_property
     def about(self) -> dict[str, Any]:
         """What results say of the system, which takes about as long to find as a model."""
