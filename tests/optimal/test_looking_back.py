@@ -17,6 +17,7 @@ from leastaction import (
     optimize,
     rx,
     tx,
+    ty,
     tz,
 )
 from leastaction.errors import ArgumentError
@@ -99,7 +100,7 @@ def test_it_is_resumed_bit_for_bit_and_goes_with_other_limits(linear, tmp_path):
 @pytest.fixture
 def pendulum():
     m = Mechanism(
-        [tx("cart", mass=1.0), [rx("pole"), [tz(-0.5, mass=0.3)]]], [Gravity(), JointForce("cart", input="push")]
+        [ty("cart", mass=1.0), [rx("pole"), [tz(-0.5, mass=0.3)]]], [Gravity(), JointForce("cart", input="push")]
     )
     t = np.concatenate([np.linspace(0.0, 0.5, 26), np.linspace(0.53, 1.0, 17)])
     system = MidpointSystem(MidpointVI(m), t)
@@ -141,7 +142,7 @@ def test_accelerations_of_any_variable_and_rates_of_inputs_are_limited(pendulum)
         assert found.state_names == ("cart", "pole", "p_cart", "p_pole")
         assert found.t[-1] == 1.0
 
-    slow = 0.5 * np.abs(np.diff(free.u[:, 0]) / (0.5 * (system.t[2:] - system.t[:-2]))).max()
+    slow = 0.9 * np.abs(np.diff(free.u[:, 0]) / (0.5 * (system.t[2:] - system.t[:-2]))).max()
     found = optimize(system, cost, initial=initial, limits=[*goal, Bound("push", -slow, slow, of="input rate")])
     assert found.status is Status.CONVERGED, found.message
     rates = np.diff(found.u[:, 0]) / (0.5 * (system.t[2:] - system.t[:-2]))
