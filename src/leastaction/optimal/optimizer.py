@@ -220,7 +220,7 @@ class Optimizer:
         if not isinstance(system, DiscreteSystem):
             raise ArgumentError(f"again: got a {type(system).__name__}, expected a discrete system; use run(result)")
         if cost is not None:
-            self._replace_cost(cost)
+            self._replace_cost(system, cost)
         steps = as_count(shift, "shift", 0)
         x, u = last.x, last.u
         if steps:
@@ -232,10 +232,15 @@ class Optimizer:
 
     # ---- The problem ------------------------------------------------------------------------------
 
-    def _replace_cost(self, cost: Cost) -> None:
+    def _replace_cost(self, system: DiscreteSystem, cost: Cost) -> None:
         require_instance(cost, "cost", Cost, "such as a QuadraticCost")
+        cost.check_shapes(system.N, system.nx, system.nu)
+        check_space(cost, system)
         self.cost = cost
-        self._problem = self._discrete()
+        if self._extension is None and isinstance(self._problem, DiscreteProblem):
+            self._problem.parts.replace_cost(cost)
+        else:
+            self._problem = self._discrete()
 
     def _discrete(self) -> DiscreteProblem:
         """Return the problem in steps of time, with limits or without, of the extended system where there is one."""
