@@ -137,9 +137,9 @@ class _Signature:
         self.flags = [name for name, kind in self.kinds.items() if kind is _SIMPLE[bool]]
         self.open = False
         for more in (p for p in parameters if p.kind == p.VAR_KEYWORD):
-            options = typing.get_args(resolved(more.annotation, function))
-            self.open = not options
-            self.keywords += list(typing.get_type_hints(options[0])) if options else []
+            options = resolved(more.annotation, function)
+            self.open = typing.get_origin(options) is not typing.Unpack
+            self.keywords += [] if self.open else list(typing.get_type_hints(typing.get_args(options)[0]))
 
     def tell(self, error: ArgumentError, name: str, arguments: tuple[Any, ...]) -> None:
         """Say in an error what was called, a method by the class of its object, and which keywords it has besides."""

@@ -276,7 +276,8 @@ def sizes_of(
     """Return the numbers of states and inputs, and their names where there are some, or raise an `ArgumentError`."""
     if names is None:
         return as_count(nx, "nx", 1), as_count(nu, "nu", 1), None
-    if isinstance(names, str) or len(names) != 2:
+    given: Any = names
+    if isinstance(given, str) or len(given) != 2:
         raise ArgumentError(
             f"names: got {brief(repr(names))}, expected those of the states and those of the inputs, such as "
             "(['x', 'v'], ['push'])"
