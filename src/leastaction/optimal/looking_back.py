@@ -10,7 +10,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
-from leastaction.optimal.quantity import Instants, Quantity, QuantityView, Samples
+from leastaction.optimal.quantity import Instants, Quantity, QuantityElsewhere, QuantityView, Samples
 
 Need = tuple[str, int]
 """What is remembered of the step before: ("input", i) what was applied, ("state", i) where it began."""
@@ -96,7 +96,7 @@ class InputRates(LookingBack):
         return np.asarray(0.5 * (self.times[at.k + 1] - self.times[at.k - 1])[:, None])
 
 
-class OwnQuantity(QuantityView):
+class OwnQuantity(QuantityElsewhere):
     """A quantity of a system, of the states (nx,) of one that remembers: its own come first."""
 
     def __init__(self, whole: Quantity, sizes: tuple[int, int, int]) -> None:
@@ -110,6 +110,9 @@ class OwnQuantity(QuantityView):
             own = np.arange(n if self.of_state else 2 * n + self.nu if self.looks_ahead else n + self.nu)
         # Inputs stand behind what is remembered, next states behind both.
         return np.asarray(own + more * (own >= n))
+
+    def instants(self, k: Instants) -> Instants:
+        return k
 
     def seen(self, at: Samples) -> Samples:
         x_next = at.x_next[:, : self.nx] if at.x_next.shape[1] else at.x_next
