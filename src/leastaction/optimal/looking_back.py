@@ -103,6 +103,9 @@ class OwnQuantity(QuantityElsewhere):
         super().__init__(whole)
         self.nx, self.ndx, self.nu = sizes
 
+    def instants(self, k: Instants) -> Instants:
+        return k
+
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002 - of the system that remembers
         n, more = self.ndx, nx - self.ndx
         own = self.whole.columns(n, self.nu)
