@@ -114,9 +114,6 @@ class OwnQuantity(QuantityElsewhere):
         # Inputs stand behind what is remembered, next states behind both.
         return np.asarray(own + more * (own >= n))
 
-    def instants(self, k: Instants) -> Instants:
-        return k
-
     def seen(self, at: Samples) -> Samples:
         x_next = at.x_next[:, : self.nx] if at.x_next.shape[1] else at.x_next
         return at._replace(x=at.x[:, : self.nx], x_next=x_next)
