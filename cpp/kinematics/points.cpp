@@ -61,7 +61,7 @@ namespace {
 
 // One joint, given that its parent is placed; s and c are the sine and cosine of q.
 template <class T>
-inline void place_one(const Joint& joint, const T& q, const T& s, const T& c, int index, Placement<T>& out) {
+inline void place_one(const Joint& joint, const T& q, const T& s, const T& c, const T* all, int index, Placement<T>& out) {
     Pose<T>& pose = out.pose[index];
     if (joint.parent < 0) {
         const Mat3<double>& R = joint.base.R;
@@ -80,6 +80,11 @@ inline void place_one(const Joint& joint, const T& q, const T& s, const T& c, in
     };
     switch (joint.axis) {
         case Axis::rx:
+            about(pose.R.c0);
+            turn(pose.R.c1, pose.R.c2, s, c);
+            break;
+        case Axis::rx_of_ball:
+            pose.R = pose.R * rotation_of(all + joint.quaternion);
             about(pose.R.c0);
             turn(pose.R.c1, pose.R.c2, s, c);
             break;
@@ -122,7 +127,7 @@ void place(const std::vector<int>& list, const T* q, Placement<T>& out) {
         const T x = joint.coordinate(q);
         T s, c;
         sincos_from(x, out.sine[i], out.cosine[i], s, c);
-        place_one(joint, x, s, c, list[i], out);
+        place_one(joint, x, s, c, q, list[i], out);
     }
 }
 

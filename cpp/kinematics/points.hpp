@@ -12,7 +12,8 @@
 
 namespace leastaction {
 
-enum class Axis { rx, ry, rz, tx, ty, tz, screw };
+// rx_of_ball: as rx, behind a rotation of the ball joint that it begins.
+enum class Axis { rx, ry, rz, tx, ty, tz, screw, rx_of_ball };
 
 // A configuration variable times a factor.
 struct Term {
@@ -32,6 +33,7 @@ struct Joint {
     Pose<double> base;
     Motion<double> twist;
     std::vector<Term> more;
+    int quaternion = -1;  // of rx_of_ball: where its four numbers stand in q, scalar first
 
     template <class T>
     T coordinate(const T* q) const {
