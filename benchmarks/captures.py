@@ -4,7 +4,7 @@ BVH or AMC files are given as words, or as a list of paths in the environment va
 them); without either only the made-up walk is made, which is always the last row. Each row is one motion: how it ended,
 the error of the joints that strings hold (degrees, rms; with ``--follow markers`` that of the markers, mm), in the plan
 and as a rig with slack strings, masses that are off and late, noisy sensors plays it
-(`leastaction.apps.marionette.check`), the least tension (N), and the seconds it took, also in the unit of the same run
+(`leastaction_marionette.check`), the least tension (N), and the seconds it took, also in the unit of the same run
 (`benchmarks.unit`, where Pinocchio is installed). A goal that is missed has a mark.
 
 ``--picture FILE.png`` draws what each string buys: the errors over the number of strings. They are those of all joints
@@ -26,12 +26,12 @@ import numpy as np
 
 from benchmarks import unit
 from benchmarks.timing import Timing
-from leastaction.apps.choices import Follow
-from leastaction.apps.marionette import RigCheck, TrackingRun, check, load_motion, track, walk_in_place
 from leastaction.errors import LeastActionError
 from leastaction.io import Motion
 from leastaction.models.marionette import CONTROLS, STRING_SETS, Hanging, marionette
 from leastaction.viz.figures import new_figure, save_png
+from leastaction_marionette import RigCheck, TrackingRun, check, load_motion, track, walk_in_place
+from leastaction_marionette.choices import Follow
 
 _SECONDS = 60.0  # for ten seconds of capture
 _WALK = 0.8  # degrees, for the made-up walk

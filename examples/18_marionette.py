@@ -11,9 +11,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from leastaction.apps.marionette import TrackingRun, marionette_scene, track, walk_in_place
 from leastaction.models.marionette import marionette
 from leastaction.viz import plot_reactions, plot_run, plot_snapshots, save_png
+from leastaction_marionette import TrackingRun, marionette_scene, track, walk_in_place
 
 
 def main(output: Path) -> TrackingRun:

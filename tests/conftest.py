@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import os
 import sys
-from collections.abc import Iterator
+import tomllib
+from collections.abc import Callable, Iterator
 from importlib.abc import MetaPathFinder
+from importlib.metadata import entry_points
 from pathlib import Path
 
 # What JAX compiles is most of the oracles' time: the processes of a run, and the next run, share it.
@@ -40,6 +43,37 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("leastaction")
+# Hypothesis also draws the numbers that stand in the modules that are loaded, which depends on what ran before.
+with contextlib.suppress(ImportError):  # versions that draw none
+    from hypothesis.internal.conjecture.providers import HypothesisProvider
+
+    HypothesisProvider._maybe_draw_constant = lambda *_, **__: None
+
+
+# An editable install keeps the entry points of the day when it was made; tests find those of today.
+_ROOT = Path(__file__).resolve().parents[1]
+_STATED = tomllib.loads((_ROOT / "pyproject.toml").read_text("utf-8"))["project"]["entry-points"]
+
+
+def _find_entry_points() -> None:
+    """State the entry points of pyproject.toml where an installed package does not, for tests and their processes."""
+    missing = {
+        group: names for group, names in _STATED.items() if not entry_points(group=group).names.issuperset(names)
+    }
+    if missing:
+        place = _ROOT / ".pytest_cache" / "entry_points"
+        info = place / "leastaction_today-0.dist-info"
+        info.mkdir(parents=True, exist_ok=True)
+        lines = [
+            f"[{group}]\n" + "".join(f"{n} = {what}\n" for n, what in names.items()) for group, names in missing.items()
+        ]
+        (info / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
+        (info / "METADATA").write_text("Metadata-Version: 2.1\nName: leastaction-today\nVersion: 0\n", encoding="utf-8")
+        sys.path.append(str(place))
+        os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [os.environ.get("PYTHONPATH"), str(place)]))
+
+
+_find_entry_points()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -92,3 +126,18 @@ def _compiled_oracles_are_dropped() -> Iterator[None]:
 def rng() -> np.random.Generator:
     """A generator that gives every test the same numbers every time."""
     return np.random.default_rng(2012)
+
+
+@pytest.fixture
+def leastaction(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+    """Run the command line in this process: its exit code, output and error output."""
+    from leastaction.apps.cli import main
+
+    def run(*words: object) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as ended:
+            main([str(word) for word in words])
+        captured = capsys.readouterr()
+        assert isinstance(ended.value.code, int)
+        return ended.value.code, captured.out, captured.err
+
+    return run

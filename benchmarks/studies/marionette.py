@@ -33,7 +33,6 @@ from leastaction import (
     by_tensions,
     optimize,
 )
-from leastaction.apps.marionette import FORCED, GENTLE, TrackingRun, load_motion, marionette_scene, track, walk_in_place
 from leastaction.models.marionette import STRING_SETS, UNHELD, Count, marionette, rest_pose, set_of
 from leastaction.optimal import (
     Accuracy,
@@ -43,6 +42,7 @@ from leastaction.optimal import (
     PiecewisePolynomial,
 )
 from leastaction.viz import plot_snapshots
+from leastaction_marionette import FORCED, GENTLE, TrackingRun, load_motion, marionette_scene, track, walk_in_place
 
 T = np.linspace(0.0, 5.0, 501)
 SHORT = 0.5  # of continuous time (s)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from leastaction.apps.marionette import load_run, marionette_scene
+from leastaction_marionette import load_run, marionette_scene
 from leastaction.viz import plot_snapshots, save_png
 
 # One cycle of the walk.

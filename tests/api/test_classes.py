@@ -23,7 +23,7 @@ def made(module: object) -> Iterator[type]:
 
 
 def own(kind: type) -> bool:
-    return kind.__module__.startswith("leastaction.")
+    return kind.__module__.startswith(("leastaction.", "leastaction_marionette."))
 
 
 def test_no_class_is_both_made_and_built_upon() -> None:

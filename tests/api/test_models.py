@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from leastaction.apps.marionette.retargeting.skeleton import VARIABLES, Proportions
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import check_consistent
 from leastaction.models import MODELS, build
@@ -16,6 +15,7 @@ from leastaction.models.hand import FINGERS, TENDONS, TRAVEL, hand, posture, ten
 from leastaction.models.marionette import STRINGS, hang_strings, marionette, rest_pose
 from leastaction.models.puppet_arm import STRING, hang, puppet_arm
 from leastaction.models.scissor_lift import at_angle, scissor_lift
+from leastaction_marionette.retargeting.skeleton import VARIABLES, Proportions
 
 
 @pytest.mark.parametrize("name", MODELS)

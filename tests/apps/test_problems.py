@@ -212,7 +212,7 @@ def test_the_shell_says_in_a_line_what_is_wrong(folder: Path, capsys: pytest.Cap
         ((str(write(folder, GOOD.replace("title:", "titel:"))),), "titel: unknown key"),
         ((str(folder / "none.yaml"),), "there is no such file"),
         (("marionete",), "expected a problem file"),
-        ((str(folder / "problem.yaml"), "--motion", "walk.bvh"), "belong to the marionette"),
+        ((str(folder / "problem.yaml"), "--motion", "walk.bvh"), "--motion"),
     ):
         assert command("optimize", *words, "--out", str(out)) == 2
         assert said in capsys.readouterr().err.replace("\n", " ")

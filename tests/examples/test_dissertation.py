@@ -26,6 +26,8 @@ NAMED = re.compile(r"`([\w.]+(?:=\w*)?)`")
 def find(name: str) -> Any:
     """Return what a dotted name below the package stands for: modules as far as they go, then attributes."""
     parts = name.split(".")
+    if parts[0] == "leastaction_marionette":
+        return reduce(getattr, parts[1:], importlib.import_module(parts[0]))
     place: Any = leastaction
     for depth in range(len(parts), 0, -1):
         try:

@@ -14,17 +14,17 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from apps.motions import captured
-from apps.puppet_bvh import write_puppet
+from marionette.motions import captured
+from marionette.puppet_bvh import write_puppet
 
 pytest.importorskip("matplotlib")
 
 from matplotlib.image import imread
 
 from leastaction import Bound, MidpointSystem, MidpointVI, QuadraticCost, Status, equilibrium, optimize
-from leastaction.apps.marionette import load_motion, track, walk_in_place
 from leastaction.mechanics import Stability
 from leastaction.models.marionette import marionette
+from leastaction_marionette import load_motion, track, walk_in_place
 
 REPOSITORY = Path(__file__).parents[2]
 EXAMPLES = REPOSITORY / "examples"

@@ -12,13 +12,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as some
 
-from apps import puppet_asf, puppet_bvh
-from apps.motions import captured
-from apps.puppet_bvh import waving
 from leastaction.apps.cli import main
-from leastaction.apps.marionette import load_motion, retarget
 from leastaction.errors import ArgumentError, MotionFileError
 from leastaction.io import forward_kinematics, read_amc, read_bvh, read_capture
+from leastaction_marionette import load_motion, retarget
+from marionette import puppet_asf, puppet_bvh
+from marionette.motions import captured
+from marionette.puppet_bvh import waving
 
 Change = Callable[[list[str]], list[str]]
 

@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from apps.puppet_bvh import CMU_NAMES, Convention, waving, write_puppet
-from leastaction.apps.marionette import (
+from leastaction.errors import ArgumentError, LeastActionError, MotionFileError
+from leastaction.io import Motion, read_bvh
+from leastaction_marionette import (
     VARIABLES,
     load_motion,
     map_joints,
@@ -20,8 +21,7 @@ from leastaction.apps.marionette import (
     retarget,
     walk_in_place,
 )
-from leastaction.errors import ArgumentError, LeastActionError, MotionFileError
-from leastaction.io import Motion, read_bvh
+from marionette.puppet_bvh import CMU_NAMES, Convention, waving, write_puppet
 
 Change = Callable[[list[str]], list[str]]
 

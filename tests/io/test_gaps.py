@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from apps.puppet_bvh import waving, write_puppet
-from leastaction.apps.marionette import load_motion
 from leastaction.io import Capture, Gap, read_bvh
 from leastaction.io.motion import fill_gaps
+from leastaction_marionette import load_motion
+from marionette.puppet_bvh import waving, write_puppet
 
 
 @pytest.fixture

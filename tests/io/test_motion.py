@@ -7,17 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from apps.motions import captured
-from apps.puppet_bvh import (
-    CMU_NAMES,
-    Y_UP,
-    Z_UP,
-    Z_UP_FACING_MINUS_X,
-    Convention,
-    waving,
-    write_puppet,
-)
-from leastaction.apps.marionette import (
+from leastaction.errors import ArgumentError
+from leastaction.io import Motion, forward_kinematics, read_bvh
+from leastaction.io.motion.capture import axis_rotation
+from leastaction.models.marionette import REST, marionette
+from leastaction_marionette import (
     VARIABLES,
     load_motion,
     map_joints,
@@ -26,11 +20,17 @@ from leastaction.apps.marionette import (
     retarget,
     walk_in_place,
 )
-from leastaction.apps.marionette.retargeting.geometry import euler_zyx
-from leastaction.errors import ArgumentError
-from leastaction.io import Motion, forward_kinematics, read_bvh
-from leastaction.io.motion.capture import axis_rotation
-from leastaction.models.marionette import REST, marionette
+from leastaction_marionette.retargeting.geometry import euler_zyx
+from marionette.motions import captured
+from marionette.puppet_bvh import (
+    CMU_NAMES,
+    Y_UP,
+    Z_UP,
+    Z_UP_FACING_MINUS_X,
+    Convention,
+    waving,
+    write_puppet,
+)
 
 
 @pytest.fixture

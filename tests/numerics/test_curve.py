@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -168,6 +171,76 @@ def test_slopes_and_curvatures_can_be_given():
     x, y, _ = SWINGING["tendon"]
     flat = Curve(x, y, slopes=[0.0, 0.0, 10.0, 30.0, 37.0, 37.5, 37.5])
     assert np.abs(flat(np.linspace(-10.0, 0.0, 99))).max() < 1e-9
+
+
+EXTREME_X = {
+    "ordinary": np.array([0.0, 1.0, 2.0, 2.5, 4.0, 5.0, 6.0, 8.0]),
+    "huge": 1.7e308 * np.linspace(-1.0, 1.0, 8),
+    "far": 1e300 * np.arange(8.0),
+    "tiny": 1e-300 * np.arange(8.0),
+    "least": 5e-324 * np.arange(8.0),
+    "uneven": np.array([-1e300, -1.0, 0.0, 1e-300, 1e-30, 1.0, 2.0, 1e20]),
+    "close": 1.0 + 2.3e-16 * np.arange(8.0),
+}
+EXTREME_Y = {
+    "ordinary": np.array([1.0, 2.0, 0.5, 0.5, 0.0, -1.0, 3.0, 1.0]),
+    "huge": 1.7e308 * np.array([1.0, -1.0, 1.0, -1.0, -1.0, 1.0, 0.0, 1.0]),
+    "tiny": 1e-300 * np.array([1.0, 2.0, 0.5, 0.5, 0.0, -1.0, 3.0, 1.0]),
+    "least": 5e-324 * np.array([0.0, 0.0, 3.0, 1.0, 1.0, 7.0, 0.0, 0.0]),
+    "uneven": np.array([-1e300, 0.0, 5e-324, 1e-300, 1.0, 1e300, 1e-20, 0.0]),
+    "nothing": np.zeros(8),
+}
+WAYS = {
+    "smooth": lambda x, y: {},
+    "monotone": lambda x, y: {"between": "monotone"},
+    "slopes": lambda x, y: {"slopes": np.gradient(y, x)},
+    "flat": lambda x, y: {"slopes": 0.0 * y},
+    "steep": lambda x, y: {"slopes": np.resize([1e308, -1e308, 5e-324], len(y))},
+    "bent": lambda x, y: {"slopes": 0.0 * y, "curvatures": np.resize([1e308, -1e308, 0.0, 5e-324], len(y))},
+}
+
+
+def made_or_refused(x, y, options):
+    try:
+        return Curve(x, y, **options)
+    except DescriptionError as error:
+        told = str(error)
+    assert re.search("x must increase|beyond what numbers can hold|expected finite", told), told
+    return None
+
+
+@pytest.mark.filterwarnings("ignore::leastaction.errors.SwingWarning")
+@pytest.mark.parametrize("n", [2, 3, 5, 8])
+@pytest.mark.parametrize("way", WAYS)
+def test_extreme_numbers_end_in_a_curve_through_the_points_or_in_a_named_error(way, n):
+    """Warnings are errors here: none may come of numbers that overflow on the way."""
+    made = {}
+    for i, j in itertools.product(EXTREME_X, EXTREME_Y):
+        x, y = EXTREME_X[i][:n], EXTREME_Y[j][:n]
+        with np.errstate(all="ignore"):
+            options = WAYS[way](x, y)
+        curve = made_or_refused(x, y, options)
+        if curve is None:
+            continue
+        made[i, j] = curve
+        assert np.isfinite(curve.coefficients).all()
+        assert np.all(np.abs(curve(x) / 2.0 - y / 2.0) <= 1e-6 * np.abs(y).max()), (i, j)
+    assert ("ordinary", "ordinary") in made or way in ("steep", "bent")
+    # Units do not matter.
+    if way in ("smooth", "monotone", "slopes"):
+        usual = made["ordinary", "ordinary"]
+        x, y = EXTREME_X["ordinary"][:n], EXTREME_Y["ordinary"][:n]
+        for u, w in ((2.0**50, 2.0**900), (2.0**-50, 2.0**-700), (2.0**-150, 1.0)):
+            curve = Curve(u * x, w * y, **WAYS[way](u * x, w * y))
+            np.testing.assert_array_equal(curve(u * x + 0.3 * u), w * usual(x + 0.3))
+
+
+@pytest.mark.filterwarnings("ignore::leastaction.errors.SwingWarning")
+@pytest.mark.parametrize(("start", "end"), [(-1.7e308, 1.7e308), (0.0, 5e-324), (0.0, 1e300), (-1e-300, 1e-300)])
+def test_a_function_over_an_extreme_range(start, end):
+    for function in (lambda x: 1.0, lambda x: 1.7e308 if x > 0 else -1.7e308):
+        with contextlib.suppress(DescriptionError):
+            assert np.isfinite(Curve.from_function(function, start, end)(start))
 
 
 BAD = {

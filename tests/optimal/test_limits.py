@@ -1043,9 +1043,9 @@ def test_prices_of_equations_fall_to_a_hundred_duals_in_the_end() -> None:
     c.flat[:] = 0.0
     duals.begin(c, 1e-6, 1.0)
     least = duals.least_mu(1e-12)
-    for late, price in ((False, 1.0), (True, 0.01), (True, 0.01)):
+    for kept, price in ((np.inf, 1.0), (0.5, 0.5), (0.0, 0.01), (0.0, 0.01)):
         duals.y.flat[:] = 0.5 * duals.prices + np.array([0.5e-4, -0.5e-4])
-        assert not duals.price(c, 1e6, late=late)
+        assert not duals.price(c, 1e6, kept=kept)
         assert float(duals.rho.flat[0]) == pytest.approx(price, rel=1e-9)
         assert duals.net() == pytest.approx([1e-4, -1e-4], rel=1e-9)
     assert duals.least_mu(1e-12) == pytest.approx(0.01 * least, rel=0.1)

@@ -20,6 +20,7 @@ Between = Literal["smooth", "monotone"]
 # Parts of the range of two points and their neighbours, and of all points, by which a curve may leave it: samples of
 # smooth functions, three a wave, stay within them.
 _SWING, _SWING_OF_ALL = 1.0, 0.01
+_MISSED = 1e-6  # of the largest value, by which a curve may miss its points
 _INSIDE = np.linspace(0.0, 1.0, 12)[1:-1]  # of the way from one point to the next
 
 
@@ -93,9 +94,9 @@ class Curve:
                 "more than six for a spline"
             )
         values = as_array(y, "Curve: y", (len(places),), error=DescriptionError)
-        steps = np.diff(places)
-        if np.any(steps <= 0.0):
-            k = int(np.argmax(steps <= 0.0))
+        back = places[1:] <= places[:-1]
+        if np.any(back):
+            k = int(np.argmax(back))
             raise DescriptionError(
                 f"Curve: x must increase strictly, but x[{k}] = {places[k]:g} is followed by "
                 f"x[{k + 1}] = {places[k + 1]:g}; sort the points and name each place once"
@@ -106,17 +107,33 @@ class Curve:
         if named and (between == "monotone" or slopes is None):
             other = "between='monotone', which finds them" if between == "monotone" else "no slopes, which they need"
             raise DescriptionError(f"Curve: got {' and '.join(named)} and {other}")
-        if between == "monotone":
-            self._set(places, quintics(places, values, *monotone(places, values)))
-        elif slopes is not None:
-            first = as_array(slopes, "Curve: slopes", (len(places),), error=DescriptionError)
-            second = suggested_curvatures(places, values, first)
-            if curvatures is not None:
-                second = as_array(curvatures, "Curve: curvatures", (len(places),), error=DescriptionError)
-            self._set(places, quintics(places, values, first, second))
-        else:
-            self._set(*_spline(places, values))
-        self._tell_of_swings(places, values)
+        number = (len(places),)
+        first, second = (
+            None if value is None else as_array(value, f"Curve: {name}", number, error=DescriptionError)
+            for name, value in given.items()
+        )
+        # Numbers near one, in units that are powers of two: none overflows on the way, and none is rounded by it.
+        u, w = _exponent(places), _exponent(values)
+        with np.errstate(all="ignore"):
+            x1, y1 = np.ldexp(places, -u), np.ldexp(values, -w)
+            if between == "monotone":
+                pieces = x1, quintics(x1, y1, *monotone(x1, y1))
+            elif first is not None:
+                first = np.ldexp(first, u - w)
+                second = suggested_curvatures(x1, y1, first) if second is None else np.ldexp(second, 2 * u - w)
+                pieces = x1, quintics(x1, y1, first, second)
+            else:
+                pieces = _spline(x1, y1)
+            powers = np.arange(pieces[1].shape[1])
+            self._set(np.ldexp(pieces[0], u), np.ldexp(pieces[1], w - u * powers))
+            missed = np.abs(np.ldexp(self(np.nextafter(places[1:], places[:-1])), -w) - y1[1:])
+        if not np.all(missed <= _MISSED):
+            raise DescriptionError(
+                f"Curve: polynomials through these {len(places)} points, x from {places[0]:g} to {places[-1]:g} and "
+                f"y up to {np.abs(values).max():g} in size, are beyond what numbers can hold; choose other units, or "
+                "points that are less uneven"
+            )
+        _tell_of_swings(_restore(*pieces), x1, y1, u, w)
 
     @classmethod
     def from_function(cls, function: Callable[[float], float], start: float, end: float, *, pieces: int = 32) -> Curve:
@@ -138,8 +155,10 @@ class Curve:
         """
         first = as_number(start, "Curve: start", error=DescriptionError)
         last = as_number(end, "Curve: end", error=DescriptionError)
-        if first >= last:
-            raise DescriptionError(f"Curve: got start {first:g} and end {last:g}; expected start < end")
+        if not 0.0 < last - first < np.inf:
+            raise DescriptionError(
+                f"Curve: got start {first:g} and end {last:g}; expected start < end, a finite way apart"
+            )
         number = as_count(pieces, "Curve: pieces", 1, error=DescriptionError)
         if not callable(function):
             raise DescriptionError(f"Curve: function: got {brief(repr(function))}, expected a function of one number")
@@ -167,7 +186,7 @@ class Curve:
         """
         places = as_array(breaks, "Curve: breaks", (None,), error=DescriptionError)
         pieces = as_array(coefficients, "Curve: coefficients", (max(len(places) - 1, 1), None), error=DescriptionError)
-        if len(places) < 2 or np.any(np.diff(places) <= 0.0) or pieces.shape[1] == 0:
+        if len(places) < 2 or np.any(places[1:] <= places[:-1]) or pieces.shape[1] == 0:
             raise DescriptionError("Curve: expected two breaks at least that increase strictly, and coefficients")
         return _restore(places, pieces)
 
@@ -222,25 +241,6 @@ class Curve:
         pieces, terms = self.coefficients.shape
         return f"<Curve from {self.start:g} to {self.end:g}: {pieces} piece{'s'[: pieces != 1]} of degree {terms - 1}>"
 
-    def _tell_of_swings(self, x: Array, y: Array) -> None:
-        """Warn where the curve between two points is far from them and their neighbours."""
-        ends = np.concatenate([[y[0]], y, [y[-1]]])
-        near = np.lib.stride_tricks.sliding_window_view(ends, 4)
-        least, most = near.min(axis=1), near.max(axis=1)
-        allowed = _SWING * (most - least) + _SWING_OF_ALL * np.ptp(y)
-        inside = x[:-1, None] + np.diff(x)[:, None] * _INSIDE
-        found = np.asarray(self(inside))
-        off = np.maximum(found - most[:, None], least[:, None] - found) - allowed[:, None]
-        if not np.any(off > 1e-9 * np.abs(y).max()):
-            return
-        i, k = np.unravel_index(int(np.argmax(off)), off.shape)
-        warnings.warn(
-            f"Curve: between x = {x[i]:g} and {x[i + 1]:g}, where y = {y[i]:g} and {y[i + 1]:g} are given, it goes to "
-            f"{found[i, k]:.3g}: it swings. Choose between='monotone', give slopes=, or more points where it bends",
-            SwingWarning,
-            stacklevel=_outside(),
-        )
-
     def _set(self, breaks: Array, coefficients: Array) -> None:
         for name, array in (("breaks", breaks), ("coefficients", coefficients)):
             own = np.array(array, order="C")
@@ -249,21 +249,54 @@ class Curve:
 
 
 def _spline(x: Array, y: Array) -> tuple[Array, Array]:
-    """Return breaks and coefficients of the quintic spline through points, or of the polynomial through few."""
+    """Return breaks and coefficients of the quintic spline through points, or of the polynomial through few.
+
+    The coefficients are not numbers where the points are too uneven for one.
+    """
     # Here, so that to import the package is quick.
     from scipy.interpolate import PPoly, make_interp_spline
 
     degree = min(_DEGREE, len(x) - 1)
     # One polynomial has no knots inside, which older versions of SciPy must be told for even degrees.
     knots = np.repeat(x[[0, -1]], degree + 1) if len(x) == degree + 1 else None
-    pieces = PPoly.from_spline(make_interp_spline(x, y, k=degree, t=knots))
+    try:
+        pieces = PPoly.from_spline(make_interp_spline(x, y, k=degree, t=knots))
+    except ValueError:  # a matrix that is singular, or places that are one in these units
+        return x, np.full((len(x) - 1, 1), np.nan)
     # A spline repeats the knots at its ends, which makes pieces of no width.
     wide = np.diff(pieces.x) > 0.0
     return np.append(pieces.x[:-1][wide], pieces.x[-1]), pieces.c[::-1, wide].T
 
 
+def _tell_of_swings(curve: Curve, x: Array, y: Array, u: int, w: int) -> None:
+    """Warn where a curve between two points is far from them and their neighbours; in units of ``2**u``, ``2**w``."""
+    ends = np.concatenate([[y[0]], y, [y[-1]]])
+    near = np.lib.stride_tricks.sliding_window_view(ends, 4)
+    least, most = near.min(axis=1), near.max(axis=1)
+    allowed = _SWING * (most - least) + _SWING_OF_ALL * np.ptp(y)
+    inside = x[:-1, None] + np.diff(x)[:, None] * _INSIDE
+    found = np.asarray(curve(inside))
+    off = np.maximum(found - most[:, None], least[:, None] - found) - allowed[:, None]
+    if not np.any(off > 1e-9 * np.abs(y).max()):
+        return
+    i, k = np.unravel_index(int(np.argmax(off)), off.shape)
+    with np.errstate(over="ignore", under="ignore"):
+        between, given = np.ldexp(x[i : i + 2], u), np.ldexp([*y[i : i + 2], found[i, k]], w)
+    warnings.warn(
+        f"Curve: between x = {between[0]:g} and {between[1]:g}, where y = {given[0]:g} and {given[1]:g} are given, it "
+        f"goes to {given[2]:.3g}: it swings. Choose between='monotone', give slopes=, or more points where it bends",
+        SwingWarning,
+        stacklevel=_outside(),
+    )
+
+
+def _exponent(numbers: Array) -> int:
+    """Return which power of two is near the largest of some numbers."""
+    return int(np.frexp(np.abs(numbers).max())[1])
+
+
 def _outside() -> int:
-    """Return the stack level of who made the curve, of a warning in `Curve._tell_of_swings`."""
+    """Return the stack level of who made the curve, of a warning in `_tell_of_swings`."""
     level = 1
     frame: FrameType | None = sys._getframe(1)
     while frame is not None and frame.f_globals.get("__name__") == __name__:

@@ -28,7 +28,9 @@ def quintics(x: Array, y: Array, slopes: Array, curvatures: Array) -> Array:
     c3 = 10.0 * s - 6.0 * d0 - 4.0 * d1 - 1.5 * a0 + 0.5 * a1
     c4 = -15.0 * s + 8.0 * d0 + 7.0 * d1 + 1.5 * a0 - a1
     c5 = 6.0 * s - 3.0 * d0 - 3.0 * d1 - 0.5 * a0 + 0.5 * a1
-    return np.stack([y[:-1], slopes[:-1], 0.5 * curvatures[:-1], c3 / h**3, c4 / h**4, c5 / h**5], axis=1)
+    ends = [y[:-1], slopes[:-1], 0.5 * curvatures[:-1]]
+    # One by one: a power of a short interval alone would not be a number.
+    return np.stack([*ends, c3 / h / h / h, c4 / h / h / h / h, c5 / h / h / h / h / h], axis=1)
 
 
 def suggested_curvatures(x: Array, y: Array, slopes: Array) -> Array:

@@ -101,20 +101,22 @@ class OnMesh(Frozen):
 class Memory(Frozen):
     """What a run remembers of its way.
 
-    ``taken``: names of the ways to begin again that it has taken. ``ease``: how much dearer inputs are in this stage
-    than asked for. ``start``: what it began with, until another way is looked for from there. ``wanted``: what gaps are
-    tried from once more. ``first``: the trajectory that it began with. ``gaps``: None of a trajectory. ``earlier``:
-    where it stood before there were gaps, which is what is returned until they are closed. ``resolved``: None where the
-    steps of time are no limit. ``nearer``: where it ended before prices were raised. ``mesh``: where the continuous
-    horizon is on one. ``still``: steps in a row that lowered the cost by no more than its noise. ``roughness``: what
-    the cost was seen to be off by. ``tells_saddles``: whether Newton's model does, in this stage; None of files from
-    before this was kept. ``remark``: what is to be said of the next iteration.
+    ``taken``: names of the ways to begin again that it has taken. ``ease``: how much dearer inputs are in this
+    stage than asked for. ``start``: what it began with, until another way is looked for from there. ``wanted``:
+    what gaps are tried from once more. ``curve``: what it was given to begin with, where there are limits.
+    ``first``: the trajectory that it began with. ``gaps``: None of a trajectory. ``earlier``: where it stood before
+    there were gaps, which is what is returned until they are closed. ``resolved``: None where the steps of time are
+    no limit. ``nearer``: where it ended before prices were raised. ``mesh``: where the continuous horizon is on
+    one. ``still``: steps in a row that lowered the cost by no more than its noise. ``roughness``: what the cost was
+    seen to be off by. ``tells_saddles``: whether Newton's model does, in this stage; None of files from before this
+    was kept. ``remark``: what is to be said of the next iteration.
     """
 
     taken: tuple[str, ...] = ()
     ease: float = 1.0
     start: Start | None = None
     wanted: Start | None = None
+    curve: Start | None = None
     first: Start | None = None
     gaps: Gaps | None = None
     earlier: Place | None = None

@@ -14,7 +14,7 @@ Method = Literal["auto", "steepest", "quasi-newton", "newton"]
 Regulator = Literal["descent", "lqr"]
 Shooting = Literal["auto", "single", "multiple"]
 
-WAY_NAMES = ("freely", "gaps", "easing", "prices", "obstacles", "resolved")
+WAY_NAMES = ("freely", "gaps", "easing", "prices", "obstacles", "resolved", "given")
 """Names of the ways to begin again (see `leastaction.optimal.ways`)."""
 
 
@@ -53,7 +53,7 @@ class Options:
     without : iterable of str
         Ways to begin again that are not taken: "freely" (from the minimum without limits), "gaps" (multiple shooting),
         "easing" (dear inputs first), "prices" (dearer limits), "obstacles" (from the minimum without them), "resolved"
-        (within what the steps of time resolve).
+        (within what the steps of time resolve), "given" (from the given curve, before limits are said not to be met).
 
     Raises
     ------

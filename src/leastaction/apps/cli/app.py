@@ -3,34 +3,24 @@
 from __future__ import annotations
 
 import errno
-import filecmp
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext, redirect_stdout
-from dataclasses import replace
+from collections.abc import Sequence
+from contextlib import nullcontext
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import App, Group, Parameter
 from cyclopts.exceptions import CycloptsError
 from rich.console import Console
 
 from leastaction._version import __version__
+from leastaction.apps.cli.applications import applications
 from leastaction.apps.cli.mechanism import commands
-from leastaction.apps.cli.options import (
-    MOTION,
-    OUTPUT,
-    MotionOptions,
-    OptimiserOptions,
-    OutputOptions,
-    PuppetOptions,
-)
+from leastaction.apps.cli.options import OUTPUT, OptimiserOptions, OutputOptions
+from leastaction.apps.cli.output import checked_folder, complain, printing_numbers
 from leastaction.apps.cli.shield import ending_interrupts, shielded_output
 from leastaction.errors import ArgumentError, LeastActionError
-
-if TYPE_CHECKING:
-    from leastaction.apps.cli.session import AtSpeeds, Request
-    from leastaction.io.motion.motion import Motion
 
 _NOT_PRINTED = 1
 _BAD_INPUT = 2
@@ -60,98 +50,37 @@ app = App(
 app.register_install_completion_command()
 
 
-@app.command(sort_key=0)
-def demo(
-    *,
-    duration: Annotated[float, Parameter(group=MOTION)] = 10.0,
-    dt: Annotated[float, Parameter(group=MOTION)] = 0.01,
-    optimiser: OptimiserOptions | None = None,
-    output: OutputOptions,
-) -> int:
-    """Teach the marionette to walk on the spot, from a made-up walk: needs no file.
-
-    Parameters
-    ----------
-    duration
-        Length of the walk, s.
-    dt
-        Time step, s.
-    """
-    from leastaction.apps.cli.session import Request
-
-    request = Request(_motion(MotionOptions(duration=duration, dt=dt)))
-    with _folder(output) as folder:
-        return _run(request, optimiser, output, folder)
+optimize_app = App(name="optimize", sort_key=1)
+app.command(optimize_app)
 
 
-@app.command(sort_key=1)
+@optimize_app.default
 def optimize(
     problem: str,
     /,
     *,
-    wanted: MotionOptions | None = None,
-    puppet: PuppetOptions | None = None,
-    check: Annotated[bool, Parameter(group=OUTPUT, negative=())] = False,
-    resume: Annotated[Path | None, Parameter(group=MOTION)] = None,
+    resume: Annotated[Path | None, Parameter(group=OUTPUT)] = None,
     optimiser: OptimiserOptions | None = None,
     output: OutputOptions,
     json: Annotated[bool, Parameter(group=OUTPUT, negative=())] = False,
 ) -> int:
-    """Make a mechanism do what a problem file says, or the marionette follow a motion; write the result into a folder.
+    """Make a mechanism do what a problem file says, or a marionette follow a motion; write the result into a folder.
 
-    The folder gets the motion with its inputs and feedback gains (result.npz; of the marionette trajectory.npz), the
-    numbers (summary.txt, summary.json), plots (convergence, tracking, limits or strings, snapshots) and an animation
-    for the browser. Ctrl-C stops after the last whole iteration and still writes everything.
+    The folder gets the motion with its inputs and feedback gains (result.npz), the numbers (summary.txt,
+    summary.json), plots (convergence, tracking, limits) and an animation for the browser. Ctrl-C stops after the last
+    whole iteration and still writes everything.
 
     Parameters
     ----------
     problem
-        A problem file (.yaml, .json), of any mechanism; or the word marionette, a puppet of 22 joint variables on six
-        strings, on more, or on a control, for which there are options of motion and strings.
-    check
-        Play what is found, under feedback, on a simulated rig with elastic strings that go slack, masses that are
-        off, and sensors that are noisy and late; say how far its joints are off.
+        A problem file (.yaml, .json), of any mechanism; or one of the words below, which have options of their own.
     resume
-        result.npz of an earlier run of the problem; of the marionette trajectory.npz, or search.npz of one that still
-        sought a first trajectory: go on from there, with the motion that it followed.
+        result.npz of an earlier run of the problem: go on from there.
     json
         Print the numbers of summary.json, and how it goes on the error stream.
     """
-    with _printing_numbers(output.out) if json else nullcontext():
-        return _optimized(problem, wanted, puppet, check, resume, optimiser, output)
-
-
-def _optimized(
-    problem: str,
-    wanted: MotionOptions | None,
-    puppet: PuppetOptions | None,
-    check: bool,
-    resume: Path | None,
-    optimiser: OptimiserOptions | None,
-    output: OutputOptions,
-) -> int:
-    """Solve a problem, or make the marionette follow a motion; see `optimize`."""
-    if problem != "marionette":
-        if wanted is not None or puppet is not None or check:
-            raise ArgumentError(
-                f"options of motion, strings and --check belong to the marionette, and not to {problem}"
-            )
+    with printing_numbers(output.out) if json else nullcontext():
         return _solve(problem, resume, optimiser or OptimiserOptions(), output)
-    wanted, puppet = wanted or MotionOptions(), puppet or PuppetOptions()
-    if resume is not None:
-        wanted.check_resumed()
-    wanted.check()
-    limits = puppet.limits()
-    from leastaction.apps.cli.session import Request
-
-    with _folder(output) as folder:
-        if resume is not None:
-            from leastaction.apps.marionette.tracking import load_unfinished
-
-            request = Request(load_unfinished(resume), limits, check=check)
-        else:
-            request = Request(_motion(wanted), limits, puppet.strings, wanted.follow, check)
-        return _run(request, optimiser, output, folder)
 
 
 def _solve(problem: str, resume: Path | None, optimiser: OptimiserOptions, output: OutputOptions) -> int:
@@ -161,7 +90,8 @@ def _solve(problem: str, resume: Path | None, optimiser: OptimiserOptions, outpu
     from leastaction.numerics.documents import NOTATIONS
 
     if Path(problem).suffix.lower() not in NOTATIONS:
-        raise ArgumentError(f"got {problem!r}, expected a problem file ({', '.join(NOTATIONS)}), or marionette")
+        known = [f"a problem file ({', '.join(NOTATIONS)})", *(name for name in optimize_app if name[0] != "-")]
+        raise ArgumentError(f"got {problem!r}, expected {', or '.join(known)}")
     stated = load_problem(problem)
     usual = OptimiserOptions()
     options = {
@@ -169,7 +99,7 @@ def _solve(problem: str, resume: Path | None, optimiser: OptimiserOptions, outpu
         for name in ("method", "max_iterations", "tolerance")
         if getattr(optimiser, name) != getattr(usual, name)
     }
-    with _folder(output) as folder:
+    with checked_folder(output) as folder:
         return run_problem(
             stated,
             folder,
@@ -178,37 +108,8 @@ def _solve(problem: str, resume: Path | None, optimiser: OptimiserOptions, outpu
             plots=output.plots,
             animation=output.animation,
             whole=uninterrupted,
-            complain=_complain,
+            complain=complain,
         )
-
-
-def _motion(wanted: MotionOptions) -> Motion | AtSpeeds:
-    """Return the motion that is asked for: read from a file, at any speed if need be, or made up."""
-    if wanted.motion is None:
-        from leastaction.apps.marionette.walk import walk_in_place
-
-        return walk_in_place(10.0 if wanted.duration is None else wanted.duration, wanted.dt)
-    from leastaction.apps.cli.session import AtSpeeds
-    from leastaction.apps.marionette.retargeting import load_motion
-
-    console, file = Console(highlight=False), wanted.motion
-
-    def motion_at(speed: float) -> Motion:
-        with console.status(f"reading {file.name}"):
-            loaded = load_motion(
-                file, mapping=wanted.mapping, duration=wanted.duration, dt=wanted.dt, start=wanted.start,
-                in_place=wanted.in_place, trim=wanted.trim, speed=speed, up=wanted.up, forward=wanted.forward,
-                heading=wanted.heading, markers=wanted.follow == "markers", skeleton=wanted.skeleton,
-                frame_rate=wanted.frame_rate,
-            )  # fmt: skip
-        console.print(loaded.summary(), markup=False)
-        for warning in loaded.warnings:
-            console.print("[bold yellow]warning:[/bold yellow] ", end="")
-            console.print(warning, markup=False, soft_wrap=True)
-        # The name is enough for titles, and where a file lies is nobody's business but its owner's.
-        return replace(loaded.motion, source=file.name)
-
-    return AtSpeeds(motion_at, wanted.error) if wanted.speed == "auto" else motion_at(wanted.speed)
 
 
 @app.command(sort_key=6)
@@ -229,42 +130,6 @@ def info(file: str, /, *, json: Annotated[bool, Parameter(group=OUTPUT, negative
         print(facts_of(file))
     else:
         Console(highlight=False).print(text_of(file), soft_wrap=True)
-    return 0
-
-
-@app.command(sort_key=8)
-def draw(file: Path, /, *, output: OutputOptions) -> int:
-    """Draw the plots and the animation of a result file again.
-
-    Parameters
-    ----------
-    file
-        trajectory.npz of an earlier run.
-    """
-    from leastaction.apps.cli.report import TRAJECTORY, at_rest, write_report
-    from leastaction.apps.cli.summary import run_summary
-    from leastaction.apps.marionette.tracking import load_run
-
-    run, console = load_run(file), Console(highlight=False)
-    with _folder(output) as folder:
-        beside = folder / TRAJECTORY
-        if beside.exists() and not filecmp.cmp(file, beside, shallow=False):
-            raise ArgumentError(
-                f"{beside} is another run than {file}, and pictures of this one do not belong beside it: "
-                "give another folder as --out"
-            )
-        with console.status("looking for poses at rest") as status:
-            rest = at_rest(run)
-            report = write_report(
-                run,
-                folder,
-                plots=output.plots,
-                animation=output.animation,
-                progress=lambda name: status.update(f"writing {name}"),
-                rest=rest,
-                summary=run_summary(run, rest),
-            )
-    console.print(report)
     return 0
 
 
@@ -305,34 +170,10 @@ app.command(commands.convert, sort_key=7)
 app.command(commands.bench, sort_key=10)
 
 
-@contextmanager
-def _folder(output: OutputOptions) -> Iterator[Path]:
-    """Check before a run that its results can be drawn and written; yields their folder, see `output_folder`."""
-    from leastaction.apps.cli.report import check_pictures
-    from leastaction.numerics.files import output_folder
-
-    if output.plots:
-        check_pictures()
-    with output_folder(output.out) as folder:
-        yield folder
-
-
-@contextmanager
-def _printing_numbers(folder: Path) -> Iterator[None]:
-    """Send what is printed inside to the error stream, and print the summary that was written after it."""
-    summary = folder / "summary.json"
-    before = summary.stat().st_mtime_ns if summary.exists() else None
-    with redirect_stdout(sys.stderr):
-        yield
-    # That of an earlier run in the folder is not what was asked for.
-    if summary.exists() and summary.stat().st_mtime_ns != before:
-        print(summary.read_text(encoding="utf-8").rstrip())
-
-
-def _run(request: Request, optimiser: OptimiserOptions | None, output: OutputOptions, folder: Path) -> int:
-    from leastaction.apps.cli import session
-
-    return session.run(request, optimiser or OptimiserOptions(), output, folder, _complain)
+@cache
+def _add_applications() -> None:
+    for application in applications():
+        application.add_commands(app)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -350,32 +191,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
     with shielded_output() as output:
         try:
             with ending_interrupts():
+                _add_applications()
                 answer = app(arguments, result_action="return_value")
             code = answer if isinstance(answer, int) else 0
         except CycloptsError as error:
-            _complain(str(error), hint="Try leastaction --help")
+            complain(str(error), hint="Try leastaction --help")
             code = _BAD_INPUT
         except LeastActionError as error:
-            _complain(str(error))
+            complain(str(error))
             code = _BAD_INPUT
         except MemoryError:
-            _complain("this takes more memory than there is: take a longer --dt or a shorter --duration")
+            complain("this takes more memory than there is: take a longer --dt or a shorter --duration")
             code = _BAD_INPUT
         except KeyboardInterrupt:
-            _complain("interrupted before there was a result to keep")
+            complain("interrupted before there was a result to keep")
             code = _INTERRUPTED
         output.flush()
         # Nobody asked for what a closed pipe (| head) did not take.
         if output.error is not None and output.error.errno != errno.EPIPE:
-            _complain(f"the output could not be printed ({output.error.strerror})")
+            complain(f"the output could not be printed ({output.error.strerror})")
             code = code or _NOT_PRINTED
     sys.exit(code)
-
-
-def _complain(message: str, *, hint: str = "") -> None:
-    """Print an error on the error stream, in its own words."""
-    console = Console(stderr=True, highlight=False)
-    console.print("[bold red]error:[/bold red] ", end="")
-    console.print(message, markup=False, soft_wrap=True)
-    if hint:
-        console.print(hint, style="dim")

@@ -169,9 +169,9 @@ class BarrierProblem(ShootingProblem):
         """
         enough = max(tolerance, self.settings.tolerance)
         settings = replace(self.settings, max_iterations=iterations, tolerance=enough)
-        return self._found_by(self._with(rows, settings), (self.x, self.u))
+        return self.found_by(self._with(rows, settings), (self.x, self.u))
 
-    def _found_by(self, other: BarrierProblem, start: tuple[Array, Array]) -> OptimizationResult | None:
+    def found_by(self, other: BarrierProblem, start: tuple[Array, Array]) -> OptimizationResult | None:
         """Return what another problem leads to from a start, without beginning again; None where that is nowhere."""
         try:
             other.start(start)

@@ -229,12 +229,12 @@ class Duals:
         largest = self.layout.largest(self.y.flat)
         return digits * float((largest * (self.scale.flat + self._size)).max(initial=0.0))
 
-    def price(self, c: Sided, dearest: float, *, met: float | None = None, late: bool = False) -> bool:
+    def price(self, c: Sided, dearest: float, *, met: float | None = None, kept: float = np.inf) -> bool:
         """Set the prices of excess by the duals; whether some limit needs a price that is higher.
 
         ``c``: at the minimum at these prices and this mu. ``dearest``: what an excess of a limit's scale may cost at
         most. ``met``: what is off by more of its scale needs a higher price, whatever its dual, a rough one perhaps.
-        ``late``: whether the end is near, and duals of equations tell their prices.
+        ``kept``: what an excess of an equation's scale goes on to cost, if it did, however small the dual.
         """
         layout, net, rho = self.layout, self.net(), self.rho.flat
         scale, most = self.scale.flat, dearest / self.scale.flat
@@ -243,11 +243,12 @@ class Duals:
             off = layout.largest(-c.flat) > met * scale
         binding = (binding | off) & (rho < most)
         wanted = self._dear * layout.largest(np.abs(net))
+        wanted = np.where(self._equal, np.maximum(wanted, kept / scale), wanted)
         new = np.where(
             binding,
             np.minimum(_DEARER * rho, most),
             # What is off has no dual yet to go by, and equations only in the end.
-            np.where(off | (self._equal & (not late)), rho, _between(_CHEAPER * rho, wanted, rho)),
+            np.where(off, rho, _between(_CHEAPER * rho, wanted, rho)),
         )
         new = np.where(self._hard, np.maximum(rho, wanted), new)
         self.rho = Sided(new, layout.columns)

@@ -70,6 +70,7 @@ class LimitedProblem(BarrierProblem):
         super().__init__(system, cost, rows, settings, free_start, gapped, dearer)
         self.asked, self.final_time = cost, final_time
         self.wanted: Start | None = None  # from where gaps are tried once more
+        self.curve: Start | None = None  # what was given to begin with
 
     def start(self, initial: Any) -> None:
         """Begin with a trajectory, a curve to be projected, an initial state and inputs, or an earlier result."""
@@ -82,9 +83,10 @@ class LimitedProblem(BarrierProblem):
         # What was found with another cost is no minimum of this one.
         same = found is not None and abs(self.shown - found.cost) <= _SAME * abs(found.cost)
         self.begins_at_minimum = found is not None and found.success and same
+        x, u = pair_of(initial)
+        self.curve = Start(read_only(np.array(x, dtype=np.float64)), read_only(np.array(u, dtype=np.float64)))
         if self.final_time is not None:
-            x, u = pair_of(initial)
-            self.given = Start(np.array(x, dtype=np.float64), np.array(u, dtype=np.float64))
+            self.given = self.curve
         if self.given is not None:
             self.given = replace(self.given, was_found=found is not None)
             self.wanted = self._wanted_from(self.given)
@@ -135,10 +137,10 @@ class LimitedProblem(BarrierProblem):
 
     def recall(self, memory: Memory) -> None:
         super().recall(memory)
-        self.wanted = memory.wanted
+        self.wanted, self.curve = memory.wanted, memory.curve
 
     def memory(self) -> Memory:
-        return changed(super().memory(), wanted=self.wanted)
+        return changed(super().memory(), wanted=self.wanted, curve=self.curve)
 
     def begin_dearer(self) -> bool:
         """Begin again from the given start, with higher prices of what is asked at a single instant; once."""
@@ -181,7 +183,7 @@ class LimitedProblem(BarrierProblem):
         while ease > 1.0:
             stage = self.cost.eased(ease)
             assert stage is not None
-            found = self._found_by(self._eased(stage[0]), (x, u))
+            found = self.found_by(self._eased(stage[0]), (x, u))
             if found is None:
                 return False
             x, u, ease = found.x, found.u, ease / _STRIDE

@@ -24,6 +24,7 @@ _LAST = 0.1  # barriers' part of the cost in the end, in parts of its tolerated 
 _LOOSE, _TIGHT, _MANY = 100.0, 10.0, 100.0
 _LITTLE, _NOTHING = 1e-6, 1e-12  # cost of a start that costs nothing: below this, and below this part of doing nothing
 _ROUGH = 1e-4  # tolerance from which on multipliers need not be exact
+_STILL = 1e-3  # price of an excess of an equation's scale before the last stages, at least, in costs of the start
 _DEAREST = 1e6  # price of an excess of a limit's scale, at most, in costs of the start
 _MET, _MET_ROUGHLY = 1e-6, 1e-2  # violation, in a limit's scale, of a limit that is met; and that part of the tolerance
 _EXACTLY = 1e-3  # violation, in parts of that, which no price would enforce any better
@@ -165,7 +166,9 @@ class BarrierStages:
         if self._asks_for_the_least(c):
             return self._closer_to_the_least(c)
         late = self.is_near_end and not was_last
-        dearer = duals.price(c, _DEAREST * self.size, met=self.met if self._rough else None, late=late)
+        # Beside prices of a start that was much dearer all else would drown in rounding.
+        kept = 0.0 if late else self.dearer * max(abs(cost), _STILL * self.size)
+        dearer = duals.price(c, _DEAREST * self.size, met=self.met if self._rough else None, kept=kept)
         if not dearer and (was_last or duals.hopeless()):
             return False  # where nothing follows, what was the last stage still is
         # The cost of the start may be far from that of the end, and with prices the least room changes.

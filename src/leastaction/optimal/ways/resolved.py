@@ -19,6 +19,7 @@ from leastaction.optimal.discrete.shooting import Gapped
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.limit import Bound
 from leastaction.optimal.limits.problem import LimitedProblem
+from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.loop.ending import STUCK, Outcome, coarse_step
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.way import Way
@@ -84,7 +85,7 @@ def _drop(run: Run, outcome: Outcome) -> bool:
     if outcome.status in (Status.CONVERGED, Status.STALLED):
         if _active(report).size:
             return False
-        asked.go_on_from(within.x, within.u, _of_asked(asked, report))
+        asked.go_on_from(within.x, within.u, of_asked(asked, report))
         why = "the steps of time resolve the motion: it goes on without that limit"
     else:
         before = state.before
@@ -98,11 +99,13 @@ def _drop(run: Run, outcome: Outcome) -> bool:
     return True
 
 
-def _of_asked(asked: Asked, report: LimitReport) -> LimitReport | None:
+def of_asked(asked: Asked, report: LimitReport | None) -> LimitReport | None:
     """Return what is told of the limits that were asked for: they come first."""
-    if not isinstance(asked, LimitedProblem):
+    if report is None or not isinstance(asked, LimitedProblem):
         return None
-    return LimitReport(report.sides[: len(report.sides) - 2], report.mu, report.excess)
+    # Both sides of an equation are one there.
+    count = sum(not (rows.equal and rows.sign < 0.0) for rows in asked.limited.rows)
+    return LimitReport(report.sides[:count], report.mu, report.excess)
 
 
 def _active(report: LimitReport) -> np.ndarray[Any, np.dtype[np.int64]]:
@@ -111,14 +114,21 @@ def _active(report: LimitReport) -> np.ndarray[Any, np.dtype[np.int64]]:
     return np.flatnonzero(active)
 
 
-def within_resolved(asked: Asked) -> LimitedProblem | None:
-    """Return a problem with what its steps of time resolve as a limit beside its own; None where nothing is known."""
+def resolved_rows(asked: Asked) -> list[Rows] | None:
+    """Return what the steps of time of a problem resolve, as limits; None where nothing is known."""
     resolved = asked.system.resolved_rates()
     if resolved is None:
         return None
     names, rates = resolved
-    rows = list(asked.limited.rows) if isinstance(asked, LimitedProblem) else []
-    rows += Bound(names, -rates, rates, of="rate").rows(asked.system, 0 if asked.free_start is not False else 1)
+    return Bound(names, -rates, rates, of="rate").rows(asked.system, 0 if asked.free_start is not False else 1)
+
+
+def within_resolved(asked: Asked) -> LimitedProblem | None:
+    """Return a problem with what its steps of time resolve as a limit beside its own; None where nothing is known."""
+    more = resolved_rows(asked)
+    if more is None:
+        return None
+    rows = [*(asked.limited.rows if isinstance(asked, LimitedProblem) else []), *more]
     # A start that no roll-out can follow opens with gaps, where gaps are allowed.
     gapped: Gapped = "never" if asked.gapped == "never" else "where needed"
     within = LimitedProblem(asked.system, asked.asked, rows, asked.settings, asked.free_start, gapped)

@@ -1,4 +1,4 @@
-"""What is in a file, in words for the terminal and as JSON: a model, a run, a result, a run of the marionette."""
+"""What is in a file, in words for the terminal and as JSON: a model, a run, a result, a run of an application."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from typing import Any
 from rich.console import RenderableType
 from rich.text import Text
 
+from leastaction.apps.cli.applications import Application, applications
 from leastaction.apps.cli.mechanism.source import MODEL_FILES, left_out, model_of
-from leastaction.errors import LeastActionError
 from leastaction.io.mechanisms import Model
 
 
 def text_of(file: str) -> RenderableType:
     """Return what is in a file as something that a terminal shows."""
+    application = _application_of(file)
+    if application is not None:
+        return application.text_of(Path(file))
     found = _read(file)
-    if isinstance(found, Model):
-        return Text(f"{found.mechanism}\n{found}")
-    if found is None:
-        from leastaction.apps.cli.report import describe
-
-        return describe(Path(file))
-    return Text(str(found))
+    return Text(f"{found.mechanism}\n{found}" if isinstance(found, Model) else str(found))
 
 
 def facts_of(file: str) -> str:
     """Return what is in a file as JSON."""
-    found = _read(file)
     facts: dict[str, Any]
+    application = _application_of(file)
+    if application is not None:
+        return json.dumps(application.facts_of(Path(file)), default=str)
+    found = _read(file)
     if isinstance(found, Model):
         m = found.mechanism
         facts = {
@@ -43,25 +43,29 @@ def facts_of(file: str) -> str:
             "limits": [str(limit) for limit in found.limits],
             "left_out": left_out(found),
         }
-    elif found is None:
-        from leastaction.apps.cli.summary import run_summary
-        from leastaction.apps.marionette.tracking import load_run
-
-        facts = run_summary(load_run(Path(file)), None)
     else:
         facts = {"status": getattr(getattr(found, "status", None), "name", ""), "text": str(found)}
     return json.dumps(facts, default=str)
 
 
 def _read(file: str) -> Any:
-    """Return the model, run or result of a file; None for a run of the marionette, which has a form of its own."""
-    if not Path(file).suffix or Path(file).suffix.lower() in MODEL_FILES:
+    """Return the model, run or result of a file."""
+    if _is_model(file):
         return model_of(file)
     from leastaction.io import open as open_file
 
-    try:
-        return open_file(file)
-    except LeastActionError:
-        if Path(file).suffix.lower() == ".npz":
-            return None
-        raise
+    return open_file(file)
+
+
+def _is_model(file: str) -> bool:
+    return not Path(file).suffix or Path(file).suffix.lower() in MODEL_FILES
+
+
+def _application_of(file: str) -> Application | None:
+    """Return the application that wrote a file, if one did."""
+    if _is_model(file):
+        return None
+    from leastaction.numerics.dataset.files import read
+
+    kind = read(file).kind
+    return next((each for each in applications() if kind in each.RECORDS), None)

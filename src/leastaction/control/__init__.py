@@ -1,0 +1,30 @@
+"""Control: regulators, estimators, predictive control, closed loops, and many runs at once."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from leastaction._names import lazily
+
+if TYPE_CHECKING:
+    from leastaction.control.closed_loop import ClosedLoop, close_loop
+    from leastaction.control.gains import SteadyGain, lqe, lqr
+    from leastaction.control.kalman import Estimate, KalmanFilter
+    from leastaction.control.monte_carlo import LoopBands, monte_carlo
+    from leastaction.control.predictive import MPC, PredictiveInfo
+else:
+    __getattr__, __dir__ = lazily(
+        __name__,
+        {
+            "leastaction.control.closed_loop": "ClosedLoop close_loop",
+            "leastaction.control.gains": "SteadyGain lqe lqr",
+            "leastaction.control.kalman": "Estimate KalmanFilter",
+            "leastaction.control.monte_carlo": "LoopBands monte_carlo",
+            "leastaction.control.predictive": "MPC PredictiveInfo",
+        },
+    )
+
+__all__ = [
+    "MPC", "ClosedLoop", "Estimate", "KalmanFilter", "LoopBands", "PredictiveInfo", "SteadyGain", "close_loop",
+    "lqe", "lqr", "monte_carlo",
+]  # fmt: skip

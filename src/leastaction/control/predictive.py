@@ -1,0 +1,363 @@
+"""Predictive control: the optimum over a horizon from where the system is, one instant after the other.
+
+Each call makes real-time iterations (M. Diehl, H. G. Bock, J. P. Schlöder, SIAM J. Control Optim. 43, 2005): the plan
+of the last one, moved on by the time that has passed, is rolled out from the state now under its own gains, which
+leaves a motion of the system; along that one quadratic problem with all limits finds the next plan. The first call is
+an optimisation to the end, by an `Optimizer`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.control.interior import InteriorProgram, WindowModel
+from leastaction.errors import ArgumentError, LeastActionError
+from leastaction.numerics.arrays import Array, as_array, as_count, as_number, read_only, require_instance
+from leastaction.optimal.discrete.cost import Cost, QuadraticCost
+from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.limits.cost import LimitedCost
+from leastaction.optimal.limits.limit import FromSecond, Limit, checked_limits
+from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.limits.sides import Sided
+from leastaction.optimal.optimizer import Optimizer
+from leastaction.optimal.quantity import Entries
+from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.system import Linearization
+
+_AT_ONCE = 1e-6  # of a step: what is late by so little is not late
+_ACTIVE = 1e-3  # room, in its scale, of a limit that is active
+_PRICE = 1e3  # of an excess of a limit's scale, in costs of the first plan
+_MOST = 15  # iterations of a quadratic problem
+_LEAST = 1e-3  # of a cost that counts as one
+
+
+@dataclass(frozen=True)
+class PredictiveInfo:
+    """What the last call of a predictive controller did.
+
+    Attributes
+    ----------
+    t : float
+        Its time (s).
+    seconds : float
+        How long it took.
+    iterations : int
+        Real-time iterations; of a first call those of its optimisation; 0 of a fallback.
+    interior_iterations : int
+        Of the quadratic problems, in all.
+    violation : float
+        Largest violation of a limit along the plan, in its scale (the width of a bound).
+    active : tuple of str
+        The limits that are active somewhere along the plan.
+    cost : float
+        Of the motion that the plan was improved from.
+    planned : bool
+        Whether there is a new plan; else the last one was followed under its gains.
+    message : str
+        Why not.
+    """
+
+    t: float
+    seconds: float
+    iterations: int
+    interior_iterations: int
+    violation: float
+    active: tuple[str, ...]
+    cost: float
+    planned: bool
+    message: str = ""
+
+
+class MPC:
+    """A predictive controller: ``u = mpc(x, t)``. It remembers its plan: not for several threads.
+
+    Parameters
+    ----------
+    system : DiscreteSystem
+        Such as a `MidpointSystem`, whose first step is the controller's period.
+    cost : Cost or callable
+        Of `horizon` steps; of more, such as those of a whole plan, the window of it that begins at the time of the
+        call, whose end is held; or a function of the time (s) that returns a cost of `horizon` steps.
+    limits : sequence of Limit
+        What every plan keeps to, over its horizon. An input is never beyond its bounds. Beyond others an excess has a
+        price, which rises where it is not enough: where the state is there already, the plan leads back.
+    horizon : int, optional
+        Steps to plan ahead; all of the system's if left out.
+    iterations : int, optional
+        Most real-time iterations of a call.
+    budget : float, optional
+        Time (s) after which no further iteration begins, and no quadratic problem: where the first is late already,
+        the last plan is followed.
+    tolerance : float, optional
+        Of the quadratic problems, relative to the cost.
+
+    Attributes
+    ----------
+    info : PredictiveInfo
+        What the last call did.
+    x, u, K : ndarray (horizon+1, nx), (horizon, nu), (horizon, nu, nx)
+        Its plan, and the gains along it.
+
+    Raises
+    ------
+    ArgumentError
+        Wrong sizes, or limits that the system does not know.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from leastaction import Bound, JointForce, Mechanism, MidpointSystem, MidpointVI, QuadraticCost, tx
+    >>> from leastaction.control import MPC
+    >>> slide = Mechanism([tx("x", mass=1.0)], [JointForce("x", input="push")])
+    >>> system = MidpointSystem(MidpointVI(slide), np.linspace(0.0, 1.0, 21))
+    >>> cost = QuadraticCost(np.zeros((21, 2)), np.zeros((20, 1)), Q=[10.0, 1.0], R=[0.1])
+    >>> mpc = MPC(system, cost, [Bound("push", -2.0, 2.0)])
+    >>> x = np.array([1.0, 0.0])
+    >>> for k in range(100):
+    ...     x = system.f(x, mpc(x, 0.05 * k), 0)
+    >>> bool(abs(x).max() < 1e-2), mpc.info.planned
+    (True, True)
+    """
+
+    def __init__(
+        self,
+        system: DiscreteSystem,
+        cost: Cost | Callable[[float], Cost],
+        limits: Sequence[Limit] = (),
+        *,
+        horizon: int | None = None,
+        iterations: int = 1,
+        budget: float | None = None,
+        tolerance: float = 1e-4,
+    ) -> None:
+        require_instance(system, "system", DiscreteSystem, "such as a MidpointSystem")
+        N = system.N if horizon is None else as_count(horizon, "horizon", 1)
+        if N > system.N:
+            raise ArgumentError(f"horizon: got {N}, expected at most the {system.N} steps of the system")
+        self.system = system if system.N == N else system.window(0, N)
+        self.horizon, self.whole = N, system
+        if not callable(cost):
+            require_instance(cost, "cost", Cost, "such as a QuadraticCost, or a function of the time that returns one")
+        self.cost = cost
+        self.limits = checked_limits(limits)
+        self.iterations = as_count(iterations, "iterations", 1)
+        self.budget = None if budget is None else as_number(budget, "budget (s)", above=0.0)
+        self.tolerance = as_number(tolerance, "tolerance", above=0.0)
+        times = system.times
+        self.t0, self.dt = float(times[0]), float(times[1] - times[0])
+        self._rows = [row for limit in self.limits for row in limit.rows(self.system, 1)]
+        self._labels = [row.labels for row in self._rows]
+        self._bounds = _bounds_of_inputs(self._rows, N, system.nu)
+        self._cost_at(self.t0).check_shapes(N, system.nx, system.nu)
+        self._program: InteriorProgram | None = None
+        self._limited: LimitedCost | None = None
+        self._memory: Linearization | None = None
+        self._t = 0.0  # when the plan begins
+        self.x, self.u = np.zeros((N + 1, system.nx)), np.zeros((N, system.nu))
+        self.K = np.zeros((N, system.nu, system.nx))
+        self.info = PredictiveInfo(self.t0, 0.0, 0, 0, 0.0, (), np.nan, planned=False, message="not called yet")
+
+    # ---- The call ---------------------------------------------------------------------------------
+
+    def __call__(self, x: ArrayLike, t: float) -> Array:
+        """Return the input (nu,) for the state x (nx,) at a time t (s).
+
+        As a law of a simulation it is called ``(t, x)``, which it tells apart.
+
+        Raises
+        ------
+        ArgumentError
+            A wrong shape, or numbers that are not finite.
+        """
+        begun = perf_counter()
+        if np.ndim(x) == 0 and np.ndim(t) == 1:
+            x, t = t, x
+        at, state = as_number(t, "t"), self._state(x)
+        if self._program is None:
+            return self._first(state, at, begun)
+        steps = max(0, int(np.floor((at - self._t) / self.dt + _AT_ONCE)))
+        self._move_on(steps)
+        cost = self._cost_at(at)
+        message, done, interior, violation, value = "", 0, 0, self.info.violation, np.nan
+        while done < self.iterations:
+            if self.budget is not None and perf_counter() - begun > self.budget:
+                message = f"no time was left after {perf_counter() - begun:.3g} s"
+                break
+            found = self._improve(state, cost)
+            if isinstance(found, str):
+                message = found
+                break
+            violation, value, more = found
+            done, interior = done + 1, interior + more
+        u = self.u[0] if done else self.u[0] - self.K[0] @ self.system.difference(state, self.x[0])
+        u = np.clip(u, *self._bounds)
+        self.info = PredictiveInfo(
+            at, perf_counter() - begun, done, interior, violation, self._active() if done else (), value,
+            planned=done > 0, message="" if done else message,
+        )  # fmt: skip
+        return np.asarray(u)
+
+    def prepare(self, x: ArrayLike, t: float | None = None, *, u: ArrayLike | None = None) -> OptimizationResult:
+        """Plan from a state to the end, by an `Optimizer`: what the first call does, and takes longest.
+
+        Parameters
+        ----------
+        x : array_like (nx,)
+        t : float, optional
+            When (s); at the first time of the system if left out.
+        u : array_like (horizon, nu), optional
+            Inputs to begin with; those of the cost's wanted inputs, within their bounds, or zero if left out.
+
+        Raises
+        ------
+        ArgumentError
+            Wrong shapes, or no motion from there.
+        """
+        at, state, N = self.t0 if t is None else as_number(t, "t"), self._state(x), self.horizon
+        cost = self._cost_at(at)
+        guess: Any = getattr(cost, "u_wanted", np.zeros((N, self.system.nu))) if u is None else u
+        guess = np.clip(as_array(guess, "u", (N, self.system.nu), meaning="(horizon, nu)"), *self._bounds)
+        optimizer = Optimizer(
+            self.system, cost, [FromSecond(limit) for limit in self.limits], tolerance=1e-6, max_iterations=200
+        )
+        result = optimizer.run((state, guess))
+        self._take(result, at, cost)
+        return result
+
+    def reset(self) -> None:
+        """Forget the plan: the next call is a first one."""
+        self._program = None
+
+    # ---- Parts ------------------------------------------------------------------------------------
+
+    def _state(self, x: ArrayLike) -> Array:
+        """Return a state, with multipliers of zero where these are part of the system's and were not given."""
+        names = self.system.state_names
+        if np.shape(x) != (self.system.nx,) and getattr(self.whole, "multipliers", False):
+            bare = self.system.nx - int(self.whole.mechanism.nc)  # type: ignore[attr-defined]
+            if np.shape(x) == (bare,):
+                return np.concatenate([as_array(x, "x", (bare,), names=names), np.zeros(self.system.nx - bare)])
+        return as_array(x, "x", (self.system.nx,), names=names)
+
+    def _first(self, state: Array, at: float, begun: float) -> Array:
+        result = self.prepare(state, at)
+        self.info = PredictiveInfo(
+            at, perf_counter() - begun, result.iterations, 0, self._violation(self.x, self.u), self._active(),
+            result.cost, planned=True, message="" if result.success else result.message,
+        )  # fmt: skip
+        return np.asarray(np.clip(self.u[0], *self._bounds))
+
+    def _take(self, result: OptimizationResult, at: float, cost: Cost) -> None:
+        """Go on from a result."""
+        self.x, self.u, self.K = np.array(result.x), np.array(result.u), np.array(result.K)
+        self._t = at
+        N, nx, nu = self.horizon, self.system.nx, self.system.nu
+        self._limited = limited = LimitedCost(cost, self._rows, nx, nu)
+        scales = limited.layout.columns.filled([rows.scale for rows in self._rows]).flat
+        seen = limited.layout.largest(np.abs(limited.asked(self.x, self.u).flat))
+        scales = limited.layout.spread(np.where(scales > 0.0, scales, np.maximum(seen, 1e-3)))
+        magnitude = max(abs(result.cost), _LEAST)
+        self._program = InteriorProgram(limited, (N, nx, nu), _PRICE * magnitude, scales, magnitude)
+
+    def _cost_at(self, at: float) -> Cost:
+        """Return the cost of a horizon that begins at a time."""
+        cost = self.cost
+        if not isinstance(cost, Cost):
+            found = cost(at)
+            require_instance(found, "cost(t)", Cost, "such as a QuadraticCost")
+            return found
+        whole, N = self.whole, self.horizon
+        if whole.N == N:
+            return cost
+        k = max(0, int(np.floor((at - self.t0) / self.dt + 0.5)))
+        if type(cost) is QuadraticCost:
+            return _held(cost, k, N)
+        k = min(k, whole.N - N)
+        return cost.window(k, k + N, N=whole.N, nu=whole.nu)
+
+    def _move_on(self, steps: int) -> None:
+        """Have the plan begin so many steps later; its last input, state and gain are held."""
+        if not steps:
+            return
+        self._t += steps * self.dt
+        by = min(steps, self.horizon)
+        for plan in (self.x, self.u, self.K):
+            last = plan[-1].copy()
+            plan[:-by] = plan[by:].copy()
+            plan[-by:] = last
+        assert self._program is not None
+        self._program.shift(steps)
+
+    def _improve(self, state: Array, cost: Cost) -> tuple[float, float, int] | str:
+        """Make one real-time iteration; return violation, cost and iterations, or why there is no new plan."""
+        system, program, limited = self.system, self._program, self._limited
+        assert program is not None
+        assert limited is not None
+        rollout = system.rollout(state, self.x, self.u, self.K, 0, self.horizon)
+        if not rollout.complete:
+            return f"the last plan leads nowhere from here: {rollout.failure}"
+        x, u = read_only(rollout.x), read_only(rollout.u)
+        try:
+            linear = system.linearize(x, u, self._memory)
+            self._memory = linear
+            gradient = cost.gradient(x, u)
+            c = limited.asked(x, u)
+            hessian = cost.model_hessian(x, u, convex=True)
+            model = WindowModel(x, u, c, limited.jacobians(x, u), linear, gradient, hessian)
+            found = program.solve(model, tolerance=self.tolerance, most=_MOST)
+        except LeastActionError as error:
+            return f"no plan from here: {error}"
+        if found is None or not np.isfinite(found.du).all():
+            return "the quadratic problem along the motion from here has no minimum"
+        self.x, self.u, self.K = x + found.dx, u + found.du, found.K.copy()
+        return found.excess, cost.value(x, u), found.iterations
+
+    def _violation(self, x: Array, u: Array) -> float:
+        if self._limited is None or self._program is None or not self._rows:
+            return 0.0
+        c = self._limited.asked(x, u).flat
+        return max(0.0, -float((c / self._program.scales).min(initial=0.0)))
+
+    def _active(self) -> tuple[str, ...]:
+        """Return what limits are active somewhere along the plan."""
+        if self._limited is None or self._program is None or not self._rows:
+            return ()
+        room = self._limited.asked(self.x, self.u).flat / self._program.scales
+        sides = Sided(room, self._limited.layout)
+        return tuple(
+            label
+            for labels, side in zip(self._labels, sides, strict=True)
+            for label, least in zip(labels, side.min(axis=0).tolist(), strict=True)
+            if least < _ACTIVE
+        )
+
+
+def _bounds_of_inputs(rows: Sequence[Rows], N: int, nu: int) -> tuple[Array, Array]:
+    """Return least and largest inputs (nu,) of the first step, infinite where there are no bounds."""
+    low, high = np.full(nu, -np.inf), np.full(nu, np.inf)
+    for each in rows:
+        quantity = each.quantity
+        at = np.flatnonzero(each.k == 0)
+        if not isinstance(quantity, Entries) or quantity.of_state or each.equal or not len(at) or N < 1:
+            continue
+        for place, factor, bound in zip(quantity.places, quantity.factors, each.bounds[at[0]], strict=True):
+            if each.sign * factor > 0.0:
+                low[place] = max(low[place], bound / factor)
+            else:
+                high[place] = min(high[place], bound / factor)
+    return low, high
+
+
+def _held(cost: QuadraticCost, k: int, N: int) -> QuadraticCost:
+    """Return a quadratic cost over N steps from stage k on, whose last stage is held after its end."""
+    last = len(cost.u_wanted)
+    stages, instants = np.minimum(np.arange(k, k + N), last - 1), np.minimum(np.arange(k, k + N + 1), last)
+    Q, R = (W if W.ndim < 3 else W[stages] for W in (cost.Q, cost.R))
+    final = cost.Q_final if k + N >= last or cost.Q.ndim == 3 else None
+    return QuadraticCost(cost.x_wanted[instants], cost.u_wanted[stages], Q=Q, R=R, Q_final=final)

@@ -1,0 +1,145 @@
+"""What is read of a state, and covariances by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError, unknown
+from leastaction.numerics.arrays import Array, as_array, read_only
+from leastaction.numerics.differences import central_differences
+from leastaction.numerics.names import matching
+from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.quantity import Quantity, Samples
+from leastaction.optimal.system import System
+
+Measured = str | Sequence[str] | Quantity | Callable[[Array], ArrayLike] | ArrayLike
+"""Entries of the state by name, a quantity of the state, a function of the state, or a matrix (ny, nx)."""
+
+Spread = float | ArrayLike | Mapping[str, float]
+"""Standard deviations: one for all, one for each, by name with wildcards; or a covariance matrix (n, n)."""
+
+
+class Readings:
+    """What sensors read of a state, with its derivatives. It has no state of its own.
+
+    Parameters
+    ----------
+    system : System
+    measure : str, sequence of str, Quantity, callable or array_like
+        Entries of the state by name, with wildcards (``["elbow", "p_*"]``); a `Quantity` of the state, such as a
+        `FunctionQuantity`; a function ``y = h(x)`` of the state (nx,), which is differentiated by differences; or a
+        matrix (ny, nx).
+
+    Raises
+    ------
+    ArgumentError
+        An unknown name, or what is none of these.
+    """
+
+    def __init__(self, system: System, measure: Measured) -> None:
+        self.nx = system.nx
+        self._quantity: Quantity | None = None
+        self._function: Callable[[Array], ArrayLike] | None = None
+        self._matrix: Array | None = None
+        if isinstance(measure, Quantity):
+            if not measure.of_state:
+                raise ArgumentError(
+                    f"measure: got the quantity {measure.names[0]!r}, which is none of the state alone, expected one "
+                    "with of_state=True; or give a function of the state"
+                )
+            self._quantity, self.names = measure, measure.names
+        elif callable(measure):
+            self._function = measure
+            count = len(as_array(measure(read_only(np.zeros(self.nx))), "measure(x)", (None,), meaning="(ny,)"))
+            self.names = tuple(f"y[{i}]" for i in range(count))
+        else:
+            self.names, self._matrix = _chosen(system, measure)
+        self.ny = len(self.names)
+
+    def __call__(self, x: Array, k: int = 0) -> Array:
+        """Return the readings (ny,) of a state, without noise."""
+        if self._matrix is not None:
+            return np.asarray(self._matrix @ x)
+        if self._function is not None:
+            return as_array(self._function(read_only(x)), "measure(x)", (self.ny,), meaning="(ny,)")
+        assert self._quantity is not None
+        return np.asarray(self._quantity.values(self._at(x, k))[0])
+
+    def jacobian(self, x: Array, k: int = 0) -> Array:
+        """Return their derivatives (ny, nx)."""
+        if self._matrix is not None:
+            return self._matrix
+        if self._function is not None:
+            function = self._function
+            return np.asarray(central_differences(lambda state: np.asarray(function(state)), x))
+        assert self._quantity is not None
+        found = self._quantity.jacobian(self._at(x, k))[0]
+        columns = self._quantity.columns(self.nx, 0)
+        if columns is None:
+            return np.asarray(found)
+        whole = np.zeros((self.ny, self.nx))
+        whole[:, columns] = found
+        return whole
+
+    def _at(self, x: Array, k: int) -> Samples:
+        nothing = np.empty((1, 0))
+        return Samples(np.array([k], dtype=np.intp), read_only(x[None]), nothing, nothing)
+
+
+def _chosen(system: System, measure: Any) -> tuple[tuple[str, ...], Array]:
+    """Return names and matrix of readings that are linear."""
+    names = system.state_names
+    given = (measure,) if isinstance(measure, str) else measure
+    if isinstance(given, (list, tuple)) and given and all(isinstance(name, str) for name in given):
+        places: list[int] = []
+        for name in given:
+            found = matching(names, name)
+            if not found:
+                raise unknown("entry of the state", name, names, "measure")
+            places += found
+        return tuple(names[i] for i in places), np.eye(system.nx)[places]
+    C = as_array(measure, "measure", (None, system.nx), meaning="(ny, nx); or give names of entries of the state")
+    return tuple(f"y[{i}]" for i in range(len(C))), C.copy()
+
+
+def covariance(spread: Spread, names: Sequence[str], what: str, *, definite: bool) -> Array:
+    """Return a covariance (n, n) by standard deviations: one, (n,), by name, or a covariance matrix (n, n).
+
+    ``definite``: whether it has to be positive. Raises `ArgumentError`: wrong shapes, unknown names, negative numbers.
+    """
+    n = len(names)
+    if isinstance(spread, Mapping):
+        deviations = np.zeros(n)
+        for name, value in spread.items():
+            places = matching(names, name)
+            if not places:
+                raise unknown("entry", name, names, what)
+            deviations[places] = value
+        return _checked(np.diag(deviations**2), what, definite=definite and bool((deviations <= 0.0).any()))
+    given = as_array(spread, what, (), (n,), (n, n), meaning=f"() or ({n},) standard deviations, or a covariance")
+    if given.ndim < 2 and (given < 0.0).any():
+        raise ArgumentError(f"{what}: got a standard deviation of {given.min():.3g}, expected none below zero")
+    if given.ndim < 2:
+        return _checked(np.diag(np.broadcast_to(given, (n,)) ** 2), what, definite=definite)
+    return _checked(given, what, definite=definite)
+
+
+def _checked(matrix: Array, what: str, *, definite: bool) -> Array:
+    values = np.linalg.eigvalsh(matrix) if matrix.size else np.ones(1)
+    if np.abs(matrix - matrix.T).max(initial=0.0) > 1e-9 * np.abs(matrix).max(initial=0.0):
+        raise ArgumentError(f"{what}: got a covariance that is not symmetric, expected a symmetric one")
+    if values[0] < -1e-12 * max(values[-1], 0.0) or (definite and values[0] <= 0.0):
+        raise ArgumentError(
+            f"{what}: got a covariance with the eigenvalue {values[0]:.3g}, expected a positive "
+            f"{'definite' if definite else 'semidefinite'} one"
+        )
+    return matrix.copy()
+
+
+def step_of(system: DiscreteSystem, k: int) -> int:
+    """Return which of a system's steps stands for step k: its last for all that come after its horizon."""
+    return min(k, system.N - 1)

@@ -1,0 +1,58 @@
+"""Curves to begin with that are no trajectories: the inputs that they need, and straight lines to their ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from leastaction.errors import LeastActionError
+from leastaction.numerics.arrays import Array, read_only
+from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.quantity import Samples
+
+_ROUNDS = 3  # of Gauss-Newton's method, for what is nearly linear
+
+
+def needed_inputs(system: DiscreteSystem, x: Array, u: Array) -> Array:
+    """Return the inputs (N, nu) with which the steps of a curve come closest to its next states, in the states' sizes.
+
+    Of all such inputs those that are nearest to u; u itself where a step cannot be made.
+    """
+    size = 1.0 + np.abs(x).max(axis=0)
+    best, least = u, np.inf
+    for _ in range(_ROUNDS):
+        try:
+            made = system.step_each(x, u)
+            if not made.complete:
+                break
+            missed = system.difference(x[1:], made.x) / size
+            off = float(np.sum(missed**2))
+            if not off < least:
+                break
+            best, least = u, off
+            slopes = system.linearize_each(x, u, made.x).B / size[:, None]
+        except LeastActionError:
+            break
+        u = u + np.einsum("kui,ki->ku", np.linalg.pinv(slopes), missed)
+    return read_only(best)
+
+
+def line_to(x: Array, wanted: Array | None, rows: Sequence[Rows], N: int) -> Array:
+    """Return the straight line (N+1, nx) from a state to the one that is asked for at the end.
+
+    That is the wanted one, if there is one, moved as little as equations of the last state need.
+    """
+    last = np.array(x if wanted is None else wanted)
+    equations = [each for each in rows if each.equal and each.sign > 0.0 and each.quantity.of_state and N in each.k]
+    for _ in range(_ROUNDS if equations else 0):
+        at = Samples(np.array([N]), read_only(last[None].copy()), np.empty((1, 0)), np.empty((1, 0)))
+        missed, slopes = [], []
+        for each in equations:
+            missed.append(each.bounds[each.k == N][0] - each.quantity.values(at)[0])
+            whole = np.zeros((len(missed[-1]), len(x)))
+            whole[:, each.columns(len(x), 0)] = each.quantity.jacobian(at)[0]
+            slopes.append(whole)
+        last = last + np.linalg.lstsq(np.concatenate(slopes), np.concatenate(missed), rcond=None)[0]
+    return read_only(x + np.linspace(0.0, 1.0, N + 1)[:, None] * (last - x))

@@ -1,0 +1,3 @@
+"""The marionette on the command line."""
+
+from __future__ import annotations

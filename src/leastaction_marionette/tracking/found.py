@@ -1,0 +1,233 @@
+"""What the search for a motion of the marionette finds: runs, searches cut short, and what they took."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from leastaction.errors import ArgumentError
+from leastaction.io.motion.motion import Motion
+from leastaction.io.results.record import Provenance
+from leastaction.mechanics import Mechanism, Trajectory
+from leastaction.numerics.arrays import Array
+from leastaction.optimal import OptimizationResult, Status
+from leastaction.viz.tracking import TrackingErrors, tracking_errors
+from leastaction_marionette.choices import Follow
+from leastaction_marionette.markers import places_of, with_places
+from leastaction_marionette.tracking.limits import PuppetLimits
+from leastaction_marionette.tracking.problem import ROOT, unheld
+
+CUT_SHORT: Final = (Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK)
+"""How a run ends that somebody ended."""
+
+STUCK: Final = (Status.LINE_SEARCH_FAILED, Status.NO_DIRECTION, Status.SADDLE)
+"""How one ends that found no way on."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effort:
+    """What a run took from its beginning: its search, and all optimisations after it. Frozen: threads may share it.
+
+    Attributes
+    ----------
+    optimisations, iterations : int
+        How many, of all stages.
+    first_cost : float
+        Of the first motion that the strings make by themselves, in the last one's units; NaN before there is one.
+    """
+
+    optimisations: int = 0
+    iterations: int = 0
+    first_cost: float = np.nan
+
+    def plus(self, found: OptimizationResult, *, before: int = 0, scale: float | None = 1.0) -> Effort:
+        """Return the effort with an optimisation more.
+
+        ``before``: iterations that its result had from an earlier one. ``scale``: by which costs of its problem are
+        those of the last one; None where motors help.
+        """
+        first = self.first_cost
+        if np.isnan(first) and scale is not None and len(found.history.cost):
+            first = scale * float(found.history.cost[0])
+        return replace(
+            self,
+            optimisations=self.optimisations + (before == 0),
+            iterations=self.iterations + found.iterations - before,
+            first_cost=first,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackingRun:
+    """A motion of the marionette, what it was asked to do, and how it was found.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    source : str
+        Where the reference motion comes from, in words.
+    reference : ndarray, shape (N+1, nq)
+        The configurations to be followed, with the strings that were guessed for them.
+    embedded : bool
+        Whether the motion was planned by tensions, its first trajectory found by dynamic embedding.
+    trajectory : Trajectory
+        The motion, by names: times, configurations, momenta, multipliers.
+    result : OptimizationResult
+        Of the optimiser, with the gains that hold the motion; its states are ``[q; rho; p; v_rho; lam]``.
+    plan : OptimizationResult or None
+        Of a motion that was planned by tensions: the optimiser's own result, in whose variables `result` says the same.
+        Its states are ``[q; rho; p; v_rho]``, its inputs the tensions and the next places of the upper ends.
+    kinds : frozenset of str
+        The kinds of limits that were stated, of those that `PuppetLimits` has; the motion keeps to the others anyway.
+    unfinished : OptimizationResult or None
+        Of a run that was cut short before its strings were told to pull: where it goes on. What the rest says is a
+        motion near that one, in which they do.
+    follow : {"joints", "markers"}
+        What of the reference was followed.
+    markers : ndarray (N+1, 6, 3) or None
+        Where the markers are wanted (m), in the order of `leastaction_marionette.MARKERS`, if that is known.
+    effort : Effort or None
+        What it took in all; None of a file that does not say it.
+    limits : PuppetLimits or None
+        What it had to keep to; None of a file that does not say it.
+    provenance : Provenance
+    """
+
+    mechanism: Mechanism = field(repr=False)
+    source: str
+    reference: Array = field(repr=False)
+    embedded: bool
+    trajectory: Trajectory = field(repr=False)
+    result: OptimizationResult = field(repr=False)
+    plan: OptimizationResult | None = field(default=None, repr=False)
+    kinds: frozenset[str] = frozenset()
+    unfinished: OptimizationResult | None = field(default=None, repr=False)
+    follow: Follow = "joints"
+    markers: Array | None = field(default=None, repr=False)
+    effort: Effort | None = None
+    limits: PuppetLimits | None = field(default=None, repr=False)
+    provenance: Provenance = field(default_factory=Provenance.now)
+
+    @property
+    def motion(self) -> Motion:
+        """The reference motion of the body, with its markers if they are known."""
+        names = self.mechanism.dynamic
+        body = Motion(names, self.trajectory.t, self.reference[:, : len(names)], self.source)
+        return body if self.markers is None else with_places(body, self.markers)
+
+    @property
+    def tension(self) -> Array:
+        """String tensions (N), shape (N, nc), in the order of the constraints."""
+        by_name = self.trajectory.tensions()
+        tension = np.stack([by_name[name] for name in self.mechanism.constraints], axis=1)
+        tension[0] *= 2.0  # the first impulse is that of half a step, see Trajectory.tensions
+        return tension
+
+    @property
+    def errors(self) -> TrackingErrors:
+        """How far each variable of the body is from the reference."""
+        return self.errors_of(self.trajectory.q)
+
+    def errors_of(self, q: Array) -> TrackingErrors:
+        """Return how far each variable of the body is from the reference in configurations q (N+1, nq)."""
+        nd = self.mechanism.nd
+        return tracking_errors(self.reference[:, :nd], q[:, :nd], self.mechanism.dynamic, lengths=ROOT)
+
+    @property
+    def held_error(self) -> float:
+        """Root mean square error (degrees) of the angles behind which a string is tied."""
+        return held_error(self.mechanism, self.reference, self.trajectory.q)
+
+    def markers_apart(self, q: Array | None = None, rows: slice | NDArray[np.integer] = slice(None)) -> Array:
+        """Return how far the markers are from where they are wanted (m): (n, 6).
+
+        ``q``: configurations (n, nq) at some of the instants, ``rows``; those of the motion itself if left out. Raises
+        `ArgumentError` if it is not known where markers are wanted.
+        """
+        if self.markers is None:
+            raise ArgumentError("markers: the motion does not say where they are wanted; load it with markers=True")
+        made = places_of(self.mechanism, self.trajectory.q if q is None else q)
+        return np.asarray(np.linalg.norm(made - self.markers[rows], axis=2))
+
+    @property
+    def off(self) -> float:
+        """How far what is followed is off, rms: joints that strings hold in degrees, or markers in millimetres."""
+        return self.off_of(self.trajectory.q)
+
+    def off_of(self, q: Array) -> float:
+        """Return how far what is followed is `off` in configurations q (N+1, nq)."""
+        if self.follow == "joints":
+            return held_error(self.mechanism, self.reference, q)
+        return 1e3 * float(np.sqrt(np.mean(self.markers_apart(q) ** 2)))
+
+    @property
+    def ended_early(self) -> bool:
+        """Whether Ctrl-C or a callback ended it."""
+        return self.result.status in CUT_SHORT
+
+
+def held_error(mechanism: Mechanism, reference: Array, q: Array) -> float:
+    """Return the root mean square error (degrees) of the angles behind which a string is tied.
+
+    ``reference``, ``q`` (N+1, nq): the wanted configurations and those that were made.
+    """
+    free = (*ROOT, *unheld(mechanism))
+    held = [i for i, name in enumerate(mechanism.dynamic) if name not in free]
+    return float(np.rad2deg(np.sqrt(np.mean((reference - q)[:, held] ** 2))))
+
+
+@dataclass(frozen=True, kw_only=True)
+class FollowedParts:
+    """The parts of a long motion that are followed so far, joined. Frozen: threads may share it.
+
+    Attributes
+    ----------
+    x, u : ndarray (n+1, nx), (n, nu)
+        States and inputs of a plan by tensions from its start on.
+    """
+
+    x: Array = field(repr=False)
+    u: Array = field(repr=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackingSearch:
+    """A search as far as it went, for a first trajectory or for strings on bars that keep their lengths.
+
+    `track` goes on with it.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    motion : Motion
+        To be followed.
+    stage : int
+        Which of the search's optimisations is next.
+    result : OptimizationResult
+        Of the one before it.
+    follow : {"joints", "markers"}
+        What of the motion.
+    effort : Effort
+        What it took so far.
+    firmness : float or None
+        Of strings on bars that are being tied: the weight of their lengths; None before that.
+    kinds : frozenset of str
+        Of the limits that were stated then.
+    parts : FollowedParts or None
+        Of a long motion that is followed part by part: those so far, of which `result` is the last.
+    provenance : Provenance
+    """
+
+    mechanism: Mechanism = field(repr=False)
+    motion: Motion
+    stage: int
+    result: OptimizationResult = field(repr=False)
+    follow: Follow = "joints"
+    effort: Effort = field(default_factory=Effort)
+    firmness: float | None = None
+    kinds: frozenset[str] = frozenset()
+    parts: FollowedParts | None = field(default=None, repr=False)
+    provenance: Provenance = field(default_factory=Provenance.now)

@@ -1,0 +1,135 @@
+"""A first trajectory of a long motion, found part by part.
+
+A search over a minute is as weak as its weakest place: a step that is too long anywhere is too long for all of it. So
+parts of it are followed one by one, each as if it were the motion, and overlap. There two of them are the same motion,
+but for some tenths of a second near the end of the one and the start of the other: what is a second ahead, or ago,
+hardly matters. In the middle of that one passes over into the other. What is joined is no trajectory by little. Limbs
+that swing freely, as most do on few strings, remember what was longer ago than that: what follows the curve by feedback
+is thrown off it. So gaps stay between its steps until the optimiser has nearly closed them (`gaps.py`), and a few
+iterations over all of the motion lead to the minimum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from leastaction.errors import ArgumentError, ProjectionError
+from leastaction.io.motion.motion import Motion
+from leastaction.numerics.arrays import Array, smooth_rise
+from leastaction.optimal import OptimizationResult
+from leastaction_marionette.tracking.checkpoints import Checkpoints
+from leastaction_marionette.tracking.found import CUT_SHORT, FollowedParts, TrackingSearch
+from leastaction_marionette.tracking.tracker import Curve, Tracker
+
+LONG: Final = 30.0
+"""Seconds from which on a motion is followed part by part."""
+
+_PART: Final = 15.0  # s, about the length of a part
+_OVERLAP: Final = 3.0  # s, for which two are the same; in the middle third one passes over into the other
+_ITERATIONS: Final = 150  # of the last optimisation of a part
+
+
+def parts_of(t: Array) -> list[tuple[int, int]]:
+    """Return the first and last instants of the parts of a motion with these times; one if it is not long."""
+    dt, steps = float(t[1] - t[0]), len(t) - 1
+    if steps * dt < LONG:
+        return [(0, steps)]
+    overlap = max(3, round(_OVERLAP / dt))
+    count = int(np.ceil((steps - overlap) / max(1, round((_PART - _OVERLAP) / dt))))
+    starts = [round(i * (steps - overlap) / count) for i in range(count + 1)]
+    return [(start, after + overlap) for start, after in pairwise(starts)]
+
+
+def found_in_parts(
+    tracker: Tracker, follow: Callable[[Tracker], OptimizationResult], begun: TrackingSearch | None
+) -> Curve | None:
+    """Return a curve that is nearly a trajectory of the tracker's plan; None where its motion is followed as a whole.
+
+    So it is if it is short, or where a part leads nowhere. ``follow``: finds what a tracker of a part is after.
+    ``begun``: a search that was cut short after some parts. Raises `KeyboardInterrupt` where Ctrl-C ends one.
+    """
+    parts = parts_of(tracker.motion.t)
+    if len(parts) < 2:
+        return None
+    found = None if begun is None or begun.parts is None else (begun.parts.x, begun.parts.u)
+    for number, (start, stop) in enumerate(parts, start=1):
+        if found is not None and len(found[1]) >= stop:
+            continue
+        first, last = (float(tracker.motion.t[k]) for k in (start, stop))
+        tracker.say(f"part {number} of {len(parts)}, from {first:.4g} to {last:.4g} s:")
+        part = _tracker_of(tracker, start, stop)
+        try:
+            result = follow(part)
+        except (ArgumentError, ProjectionError) as error:
+            tracker.say(f"it cannot be followed by itself: {error}")
+            return None
+        if result.status in CUT_SHORT:
+            raise KeyboardInterrupt
+        tracker.effort = replace(
+            tracker.effort,
+            optimisations=tracker.effort.optimisations + part.effort.optimisations,
+            iterations=tracker.effort.iterations + part.effort.iterations,
+        )
+        tracker.kinds |= part.kinds
+        found = (result.x, result.u) if found is None else joined(found, (result.x, result.u), start)
+        _keep(tracker, result, found)
+    return found
+
+
+def joined(before: Curve, after: Curve, start: int) -> Curve:
+    """Return two curves as one, of which the second begins at instant ``start`` of the first, before that ends."""
+    (x, u), (x_after, u_after) = before, after
+    overlap = len(u) - start
+    share = smooth_rise(3.0 * np.arange(overlap + 1) / overlap - 1.0)[:, None]
+
+    def passed_over(one: Array, other: Array) -> Array:
+        there = one[start:]
+        n = len(there)
+        return np.concatenate([one[:start], there + share[:n] * (other[:n] - there), other[n:]])
+
+    return passed_over(x, x_after), passed_over(u, u_after)
+
+
+def _tracker_of(whole: Tracker, start: int, stop: int) -> Tracker:
+    """Return one that follows a part of a motion; it tells what it does, and keeps nothing."""
+    return Tracker(
+        mechanism=whole.mechanism,
+        motion=_part_of(whole.motion, start, stop),
+        weights=whole.weights,
+        limits=whole.limits,
+        follow=whole.follow,
+        method=whole.method,
+        tolerance=whole.tolerance,
+        callback=None,
+        say=whole.say,
+        kept=Checkpoints(None, np.inf),
+        threads=whole.threads,
+        left=_ITERATIONS,
+    )
+
+
+def _part_of(motion: Motion, start: int, stop: int) -> Motion:
+    t = motion.t[start : stop + 1]
+    return replace(motion, t=t - t[0], q=motion.q[start : stop + 1])
+
+
+def _keep(tracker: Tracker, result: OptimizationResult, found: Curve) -> None:
+    """Keep the parts that are followed."""
+    tracker.kept(
+        lambda: TrackingSearch(
+            mechanism=tracker.mechanism,
+            motion=tracker.motion,
+            stage=0,
+            result=result,
+            follow=tracker.follow,
+            effort=tracker.effort,
+            kinds=tracker.kinds,
+            parts=FollowedParts(x=found[0], u=found[1]),
+        ),
+        at_once=True,
+    )

@@ -1,0 +1,199 @@
+"""The tracking problem of one motion: reference states, systems, costs, and first trajectories."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from leastaction.errors import ArgumentError, closest
+from leastaction.io.motion.motion import Motion
+from leastaction.mechanics import Mechanism, MidpointVI, to_momentum
+from leastaction.models.marionette import (
+    PLANE_HEIGHT,
+    STRINGS,
+    UNHELD,
+    hang_strings,
+    set_of,
+    string_lengths,
+    strings_of,
+    tied_strings,
+)
+from leastaction.models.puppet_controls import ends_of, held_strings
+from leastaction.numerics.arrays import Array
+from leastaction.optimal import Cost
+from leastaction.systems import MidpointSystem, PlaceCost
+from leastaction_marionette.choices import Follow
+from leastaction_marionette.markers import LIMB_MARKERS, places_of, wanted_markers
+from leastaction_marionette.tracking.cost import TrackingCost
+from leastaction_marionette.tracking.limits import pelvis_of
+from leastaction_marionette.tracking.weights import TrackingWeights
+
+ROOT = ("torso_tx", "torso_ty", "torso_tz")
+MOST_STEPS = 100_000
+"""More steps than these would want tens of gigabytes."""
+
+_GOOD_START_ANGLE = np.deg2rad(15.0)  # largest rms error of a held joint in a first trajectory
+_LEAST_LENGTH = 0.1  # m, of a string above its hook
+_GOOD_START_DISTANCE = 0.15  # m, the same for the pelvis
+_LEVER = 0.3  # m, about half a bar's size: a turn costs what it moves a bar's ends by
+
+
+def unheld(mechanism: Mechanism) -> tuple[str, ...]:
+    """Return the joints behind which no string is tied: with a string at each foot there is none."""
+    return () if set_of(mechanism) in (8, 9, 11) else UNHELD
+
+
+def levers(mechanism: Mechanism) -> Array:
+    """Return by which lever (nrho,) each kinematic variable counts: 1, or that of a bar where it is its turn (m)."""
+    angles = ends_of(mechanism).angles
+    return np.array([_LEVER if name in angles else 1.0 for name in mechanism.kinematic])
+
+
+def below_strings(mechanism: Mechanism, motion: Motion) -> tuple[Motion, float]:
+    """Return a motion lowered where a hook would come too near to the plane of the strings, and by how much (m).
+
+    Who climbs is followed as high as strings go; a motion that stays below comes back as it is.
+    """
+    q = np.zeros((len(motion.t), mechanism.nq))
+    q[:, : mechanism.nd] = _columns(mechanism, motion)
+    hooks = mechanism.positions(q, [string.hook for string in strings_of(mechanism)])[..., 2]
+    above = np.maximum(hooks.max(axis=1) - (PLANE_HEIGHT - _LEAST_LENGTH), 0.0)
+    if not above.any():
+        return motion, 0.0
+    lowered = motion.q.copy()
+    lowered[:, motion.names.index("torso_tz")] -= above
+    return replace(motion, q=lowered), float(above.max())
+
+
+class TrackingProblem:
+    """The tracking problem of one motion."""
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        motion: Motion,
+        weights: TrackingWeights,
+        threads: int,
+        follow: Follow = "joints",
+    ) -> None:
+        self.mechanism, self.weights, self.threads, self.follow = mechanism, weights, threads, follow
+        self.t = motion.t
+        self.body = _columns(mechanism, motion)
+        self.dt = float(self.t[1] - self.t[0])
+        self.integrator = MidpointVI(mechanism, threads=threads)
+        self.system = MidpointSystem(self.integrator, self.t, multipliers=True)
+        self._refer()
+        self.markers = wanted_markers(mechanism, motion)
+        if self.markers is None and follow == "markers":
+            self.markers = places_of(mechanism, self.reference)
+
+    def hang(self) -> tuple[Array, Array] | None:
+        """Return what the puppet does under hanging strings, or None where that is no good start, as for bars."""
+        m = self.mechanism
+        if tied_strings(m):
+            return None
+        run = self.integrator.simulate(self.integrator.start(self.reference[0]), self.t, rho=self.reference[:, m.nd :])
+        if run.steps < len(self.t) - 1:
+            return None
+        rms = np.sqrt(np.mean((run.q - self.reference)[:, : m.nd] ** 2, axis=0))
+        far = [
+            error > (_GOOD_START_DISTANCE if name in ROOT else _GOOD_START_ANGLE)
+            for name, error in zip(m.dynamic, rms, strict=True)
+            if name not in unheld(m)
+        ]
+        if any(far):
+            return None
+        x = np.vstack([self.x_reference[:1], np.hstack([run.x[1:], run.lam])])
+        return x, run.u
+
+    def with_markers(self, cost: TrackingCost, system: MidpointSystem) -> Cost:
+        """Return a tracking cost of a system with the price of where the markers are, if they are followed."""
+        if self.follow == "joints" or self.markers is None:
+            return cost
+        places = {frame: self.markers[:, i] for i, frame in enumerate(LIMB_MARKERS.values(), start=1)}
+        return PlaceCost(cost, system, places, dict.fromkeys(places, self.weights.marker))
+
+    def body_weights(self, weights: TrackingWeights) -> Array:
+        """Return the weights (nd,) of the body's variables."""
+        free, w = unheld(self.mechanism), weights
+        # The pelvis is a marker whose place is in variables.
+        root, share = (w.root, 1.0) if self.follow == "joints" else (w.marker, w.posture)
+        return np.array(
+            [
+                root if name in ROOT else share * (w.unheld if name in free else w.joint)
+                for name in self.mechanism.dynamic
+            ]
+        )
+
+    def cost(self, tension: float) -> Cost:
+        """Return the cost at a price of tension."""
+        m, w = self.mechanism, self.weights
+        inertia = np.diag(m.mass_matrix(self.reference[0]))[: m.nd]
+        free = unheld(m)
+        rate = w.rate * np.array([w.unheld if n in free else 1.0 for n in m.dynamic]) / inertia**2
+        # lam is an impulse for |p1 - p2|^2 - L^2: a newton of tension is dt / (2 L) of it.
+        pull = tension * (2.0 * string_lengths(m, self.reference[0]) / self.dt) ** 2
+        squares = levers(m) ** 2
+        Q = np.concatenate([self.body_weights(w), squares * w.string, rate, np.zeros(m.nrho), pull])
+        R = squares * (0.01 * w.string)
+        u_reference = self.reference[1:, m.nd :]
+        cost = TrackingCost(
+            self.x_reference,
+            u_reference,
+            Q=Q,
+            R=R,
+            dt=self.dt,
+            rho=slice(m.nd, m.nq),
+            v_rho=slice(m.nq + m.nd, m.nx),
+            rho_next=slice(0, m.nrho),
+            acceleration=squares * w.string_acceleration,
+        )
+        return self.with_markers(cost, self.system)
+
+    def _refer(self) -> None:
+        """Set the reference configurations and states, with strings that go with the body's motion."""
+        m = self.mechanism
+        q = np.zeros((len(self.t), m.nq))
+        q[:, : m.nd] = self.body
+        self.reference = hang_strings(m, q)
+        self.pelvis = pelvis_of(m, self.reference)
+        p = to_momentum(m, self.reference, np.gradient(self.reference, self.t, axis=0))
+        x = self.system.states_along(self.reference, p)
+        # At rest to begin with.
+        x[0, m.nq : m.nx] = 0.0
+        x[:, m.nx :] = self._tension_at_rest()
+        self.x_reference = x
+
+    def _tension_at_rest(self) -> Array:
+        """Return the multipliers (nc,) with which the strings carry the puppet as it hangs at the start."""
+        m = self.mechanism
+        q = hang_strings(m, self.reference[0])
+        weight = -m.core.gradient(q, np.zeros(m.nq))[0][: m.nd]
+        # Statics: gravity is carried by the constraints as well as they can, with the least forces.
+        columns = -m.constraint_jacobian(q)[:, : m.nd].T / self.dt
+        return np.asarray(np.linalg.lstsq(columns, weight, rcond=1e-6)[0])
+
+
+def _columns(mechanism: Mechanism, motion: Motion) -> Array:
+    """Return the motion's columns in the order of the mechanism's dynamic variables, checked."""
+    held = held_strings(mechanism) if strings_of(mechanism) else STRINGS
+    needed = {name for string in held for name in (string.x, string.y, string.length)}
+    if not needed <= set(mechanism.kinematic):
+        missing = ", ".join(sorted(needed - set(mechanism.kinematic))[:4])
+        raise ArgumentError(
+            f"track: the mechanism lacks the string variables {missing}, ...; expected the marionette of "
+            "leastaction.models.marionette. For another mechanism use MidpointSystem and optimize"
+        )
+    for name in mechanism.dynamic:
+        if name not in motion.names:
+            raise ArgumentError(f"motion: no column for {name!r}; {closest(name, motion.names, what='columns')}")
+    if not 3 <= len(motion.t) <= MOST_STEPS + 1:
+        advice = "a shorter time step, or more" if len(motion.t) < 3 else "a longer time step, or a part"
+        raise ArgumentError(
+            f"motion: got {len(motion.t)} instants, expected 3 to {MOST_STEPS + 1}. Take {advice} of the motion"
+        )
+    steps = np.diff(motion.t)
+    if np.ptp(steps) > 1e-6 * steps[0]:
+        raise ArgumentError("motion: times must increase in equal steps; use Motion.resample(dt) to make them so")
+    return motion.columns(mechanism.dynamic)

@@ -1,0 +1,143 @@
+"""The motion on strings of fixed lengths that is near to one whose strings hardly vary, and that keeps to limits.
+
+With its strings as rods the puppet's steps keep exact lengths, and what was planned misses them by newtons at most. A
+motion near it is sought in which nothing is off: what limits are broken by has a price, which rises, while what has
+changed already costs nothing more. It is sought by multiple shooting: where strings have lost their grip a roll-out of
+rods that begins at the start throws limbs about.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from leastaction.errors import ArgumentError, LeastActionError
+from leastaction.models.marionette import string_lengths, strings_of
+from leastaction.numerics.arrays import Array
+from leastaction.optimal import Bound, IterationRecord, OptimizationResult, QuadraticCost, optimize
+from leastaction.optimal.options import Method
+from leastaction_marionette.tracking.limits import KINDS, PuppetLimits
+from leastaction_marionette.tracking.priced_limits import PricedLimit, PricedLimits
+from leastaction_marionette.tracking.problem import TrackingProblem
+
+_BY_TENSION, _BY_POSE, _BY_PLACE, _BY_MOMENTUM = 1e-4, 1.0, 1.0, 1e-3  # prices of changes
+# Of what limits are broken by, at first: by 1 N, rad or m, m/s or rad/s, and so on.
+_PRICES: Final = {"tension": 1e-3, "joints": 10.0, "speed": 1e-2, "acceleration": 1e-5, "reach": 10.0}
+# Each round asks for as many times the price of the last; less where that is too much at once, in the end hardly more.
+_DEARER, _HARDLY, _DEAREST, _ROUNDS = 10.0, 1.1, 1e5, 20
+_WITHIN, _MARGIN = 1e-4, 1e-3  # of limits, and N of tensions at most, by which they are kept more than they have to be
+_ITERATIONS, _CONVEX = 25, 12  # of a round, at most, and of one with convex models
+_EASY = 7  # iterations of a round after which more can be asked for at once
+_GAP: Final = 1e-7  # m, rad and so on
+
+
+class NotTiedError(ArgumentError):
+    """No motion near a given one has strings of fixed lengths that all pull."""
+
+
+def settled(problem: TrackingProblem, limits: PuppetLimits, x: Array, u: Array) -> tuple[Array, Array] | None:
+    """Return a motion on which strings are as long as they are tied, none of them pulling too little.
+
+    ``problem``: by lengths. ``x`` (N+1, nx), ``u`` (N, nu): of its system, hardly off its constraints; near that is the
+    motion. ``limits``: what it keeps to where that is found, else less nearly. None where no motion is found in which
+    all strings pull.
+    """
+    try:
+        return _nearest(problem, limits, x, u)
+    except LeastActionError:
+        return None
+
+
+def _nearest(problem: TrackingProblem, limits: PuppetLimits, x: Array, u: Array) -> tuple[Array, Array] | None:
+    m, system = problem.mechanism, problem.system
+    pull = _BY_TENSION * (2.0 * string_lengths(m, problem.reference[0]) / problem.dt) ** 2
+    sizes = m.nd, m.nrho, m.nd, m.nrho
+    Q = np.concatenate([np.repeat([_BY_POSE, _BY_PLACE, _BY_MOMENTUM, 0.0], sizes), pull])
+    R = np.full(system.nu, _BY_PLACE)
+    margin = min(_MARGIN, 0.25 * (limits.strength - limits.tension))
+    inside = replace(limits.loosened(-_WITHIN), tension=limits.tension + margin, strength=limits.strength - margin)
+    asked = PricedLimits(QuadraticCost(x, u, Q=Q, R=R), system, _priced(problem, limits, 1.0))
+    best: tuple[Array, Array] | None = None  # of those whose strings pull, the one that limits are broken least by
+    least, price, dearer, begun = np.inf, 1.0, _DEARER, False
+    method: Method = "quasi-newton"
+    for _ in range(_ROUNDS):
+        cost = PricedLimits(QuadraticCost(x, u, Q=Q, R=R), system, _priced(problem, inside, price))
+        found = _found(problem, cost, x, u, method)
+        made = found is not None and _is_motion(problem, found.x, found.u)
+        if not made and method == "quasi-newton":
+            # Near a motion, where convex models do not lead to it.
+            method = "auto"
+            near = (x, u) if found is None else (found.x, found.u)
+            found = _found(problem, cost, *near, method) or _found(problem, cost, x, u, method)
+            made = found is not None and _is_motion(problem, found.x, found.u)
+        if begun and not made:
+            # Again from the same motion, with a price that is not as much dearer.
+            dearer = math.sqrt(dearer)
+            price /= dearer
+            if dearer < _HARDLY:
+                break
+            continue
+        if found is None:
+            break
+        x, u, begun = found.x, found.u, made
+        off = asked.off(x, u)
+        if made and off < least and _all_pull(problem, x, u):
+            best, least = (x, u), off
+        if least <= 0.0:
+            break
+        if found.iterations <= _EASY:
+            dearer = min(dearer**2, _DEARER)
+        price = min(dearer * price, _DEAREST)
+    return best
+
+
+def _found(
+    problem: TrackingProblem, cost: PricedLimits, x: Array, u: Array, method: Method
+) -> OptimizationResult | None:
+    """Return what one round finds from a motion, which may still have gaps; None where derivatives or steps fail."""
+    try:
+        return optimize(
+            problem.system,
+            cost,
+            initial=(x, u),
+            free_start=problem.mechanism.variables,
+            shooting="multiple",
+            method=method,
+            tolerance=1e-2,
+            max_iterations=_CONVEX if method == "quasi-newton" else _ITERATIONS,
+            callback=_is_there,
+        )
+    except LeastActionError:
+        return None
+
+
+def _is_there(record: IterationRecord) -> bool:
+    """Whether there is nothing left but to leave a saddle for a minimum: a motion is wanted, and this is one."""
+    return record.method == "negative-curvature"
+
+
+def _is_motion(problem: TrackingProblem, x: Array, u: Array) -> bool:
+    """Whether there are no gaps between steps."""
+    made = problem.system.step_each(x, u)
+    return made.complete and bool(np.abs(made.x - x[1:])[:, : problem.mechanism.nx].max() < _GAP)
+
+
+def _all_pull(problem: TrackingProblem, x: Array, u: Array) -> bool:
+    return all(tension.min() > 0.0 for tension in problem.system.trajectory(x, u).tensions().values())
+
+
+def _priced(problem: TrackingProblem, limits: PuppetLimits, dearer: float) -> list[PricedLimit]:
+    """Return limits of the marionette by lengths, with their prices."""
+    m, found = problem.mechanism, []
+    for kind in KINDS:
+        own = limits.of(m, problem.pelvis, {kind})
+        if kind == "tension":
+            share = np.ones(len(problem.t) - 1)
+            share[0] = 0.5  # the first impulse is that of half a step
+            names = [s.name for s in strings_of(m)]
+            own = [Bound(names, share * limits.tension, share * limits.strength, of="tension")]
+        found += [PricedLimit(each, dearer * _PRICES[kind]) for each in own]
+    return found

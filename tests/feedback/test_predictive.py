@@ -1,0 +1,158 @@
+"""Predictive control, held to optimisations to the end and to what it says of itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from leastaction import Bound, MidpointSystem, MidpointVI, QuadraticCost, optimize
+from leastaction.control import MPC
+from leastaction.errors import ArgumentError
+from leastaction.models.cart_pendulum import cart_pendulum
+from leastaction.optimal import LinearSystem
+
+N, DT = 40, 0.025
+
+
+def linear() -> tuple[LinearSystem, QuadraticCost]:
+    A, B = np.array([[1.0, 0.1], [0.05, 1.0]]), np.array([[0.0], [0.1]])
+    cost = QuadraticCost(np.zeros((21, 2)), np.zeros((20, 1)), Q=[1.0, 0.1], R=[0.01], Q_final=[10.0, 1.0])
+    return LinearSystem(A, B, N=20), cost
+
+
+def balanced() -> tuple[MidpointSystem, QuadraticCost]:
+    wanted = np.zeros((N + 1, 4))
+    wanted[:, 1] = np.pi
+    system = MidpointSystem(MidpointVI(cart_pendulum(), threads=1), DT * np.arange(N + 1))
+    cost = QuadraticCost(wanted, np.zeros((N, 1)), Q=[1.0, 10.0, 0.1, 0.1], R=[1e-2], Q_final=[10.0, 100.0, 1.0, 1.0])
+    return system, cost
+
+
+LIMITS = [[], [Bound("u[0]", -1.0, 1.0)], [Bound("u[0]", -1.0, 1.0), Bound("x[1]", -0.3, 0.3)]]
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+def test_of_a_linear_system_one_iteration_is_the_optimum(limits):
+    """From a plan that was found elsewhere, one quadratic problem leads to what an optimisation finds."""
+    system, cost = linear()
+    mpc = MPC(system, cost, limits, tolerance=1e-9)
+    mpc([-0.4, 0.0], 0.0)
+    u = mpc([0.9, 0.1], 0.0)
+    assert mpc.info.planned
+    best = optimize(system, cost, initial=(np.array([0.9, 0.1]), np.zeros((20, 1))), limits=limits, tolerance=1e-12)
+    assert np.abs(mpc.u - best.u).max() < 1e-5
+    assert np.abs(mpc.x - best.x).max() < 1e-5
+    assert u == pytest.approx(best.u[0], abs=1e-5)
+    if limits:
+        assert "u[0] >= -1" in mpc.info.active
+        assert mpc.info.violation < 1e-6
+
+
+def test_iterations_come_to_the_optimum():
+    system, cost = balanced()
+    limits = [Bound("x-force", -40.0, 40.0), Bound("x", -0.5, 0.5)]
+    mpc = MPC(system, cost, limits, iterations=8, tolerance=1e-9)
+    mpc([0.0, np.pi - 0.1, 0.0, 0.0], 0.0)
+    x = np.array([0.1, np.pi - 0.15, 0.3, 0.1])
+    mpc(x, 0.0)
+    best = optimize(system, cost, initial=(x, mpc.u), limits=limits, tolerance=1e-11)
+    assert np.abs(mpc.u - best.u).max() < 1e-3 * np.abs(best.u).max()
+
+
+def test_it_balances_under_pushes_within_its_bounds():
+    system, cost = balanced()
+    mpc = MPC(system, cost, [Bound("x-force", -60.0, 60.0), Bound("x", -0.5, 0.5)])
+    x, rng, pushed = np.array([0.0, np.pi - 0.05, 0.0, 0.0]), np.random.default_rng(0), []
+    for k in range(200):
+        u = mpc(x, DT * k)
+        assert mpc.info.planned
+        assert abs(u[0]) <= 60.0
+        x = system.f(x, u, 0) + np.array([0.0, 0.0, 0.02, 0.005]) * rng.standard_normal(4)
+        if k == 60:
+            x[3] += 0.15
+        pushed.append(x)
+    states = np.array(pushed)
+    assert np.abs(states[-20:, 1] - np.pi).max() < 0.1
+    assert np.abs(states[:, 0]).max() < 0.55
+
+
+def test_references_move():
+    """A plan longer than the horizon is followed by its windows, and its end is held; so is a function of the time."""
+    A, B = np.array([[1.0, 0.1], [0.0, 1.0]]), np.array([[0.005], [0.1]])
+    system = LinearSystem(A, B, N=100)
+    wanted = np.zeros((101, 2))
+    wanted[:, 0] = np.clip((np.arange(101) - 30) / 20.0, 0.0, 1.0)
+    whole = QuadraticCost(wanted, np.zeros((100, 1)), Q=[100.0, 0.1], R=[1e-3])
+
+    def ahead(t: float) -> QuadraticCost:
+        rows = np.minimum(round(t) + np.arange(16), 100)
+        return QuadraticCost(wanted[rows], np.zeros((15, 1)), Q=[100.0, 0.1], R=[1e-3])
+
+    both = []
+    for cost in (whole, ahead):
+        mpc, x, states = MPC(system, cost, horizon=15), np.zeros(2), []
+        for k in range(130):
+            x = A @ x + B @ mpc(x, float(k))
+            states.append(x[0])
+        both.append(states)
+    assert np.abs(both[0][40:50] - wanted[41:51, 0]).max() < 0.02
+    assert abs(both[0][-1] - 1.0) < 1e-3
+    assert np.allclose(both[0], both[1], atol=1e-9)
+
+
+def test_where_it_cannot_plan_the_last_plan_is_followed_and_it_says_so():
+    system, cost = balanced()
+    mpc = MPC(system, cost, [Bound("x-force", -40.0, 40.0)])
+    x = np.array([0.0, np.pi - 0.05, 0.0, 0.0])
+    mpc(x, 0.0)
+    mpc.budget = 1e-12
+    plan, gain, state = mpc.u[1].copy(), mpc.K[1].copy(), mpc.x[1].copy()
+    u = mpc(x, DT)
+    assert not mpc.info.planned
+    assert "no time was left" in mpc.info.message
+    assert u == pytest.approx(np.clip(plan - gain @ (x - state), -40.0, 40.0))
+    mpc.budget = None
+    lost = mpc([0.0, 0.0, 0.0, 1e8], 2 * DT)
+    assert not mpc.info.planned
+    assert "leads nowhere from here" in mpc.info.message
+    assert abs(lost[0]) <= 40.0
+    mpc(x, 3 * DT)
+    assert mpc.info.planned
+
+
+def test_the_same_calls_give_the_same_inputs():
+    runs = []
+    for _ in range(2):
+        system, cost = balanced()
+        mpc, x = MPC(system, cost, [Bound("x-force", -40.0, 40.0)]), np.array([0.0, np.pi - 0.1, 0.0, 0.0])
+        inputs = []
+        for k in range(30):
+            inputs.append(mpc(x, DT * k))
+            x = system.f(x, inputs[-1], 0)
+        runs.append(np.array(inputs))
+    np.testing.assert_array_equal(*runs)
+
+
+def test_as_a_law_of_a_simulation():
+    system, cost = balanced()
+    mpc = MPC(system, cost, [Bound("x-force", -40.0, 40.0)])
+    vi = system.integrator
+    run = vi.simulate(vi.start([0.0, np.pi - 0.1]), DT * np.arange(81), inputs=mpc)
+    assert abs(run.q[-1, 1] - np.pi) < 2e-2
+
+
+def test_what_is_wrong_is_said():
+    system, cost = balanced()
+    with pytest.raises(ArgumentError, match="horizon: got 60, expected at most the 40 steps"):
+        MPC(system, cost, horizon=60)
+    with pytest.raises(ArgumentError, match=r"cost\.x_wanted"):
+        MPC(system, linear()[1])
+    with pytest.raises(ArgumentError, match="unknown name 'force'"):
+        MPC(system, cost, [Bound("force", -1.0, 1.0)])
+    with pytest.raises(ArgumentError, match="cost: got int"):
+        MPC(system, 3)  # type: ignore[arg-type]
+    mpc = MPC(system, cost)
+    with pytest.raises(ArgumentError, match="x: got shape"):
+        mpc(np.zeros(3), 0.0)
+    with pytest.raises(ArgumentError, match="x: got nan"):
+        mpc([0.0, np.nan, 0.0, 0.0], 0.0)

@@ -1,0 +1,202 @@
+"""Long motions are followed part by part, and the parts joined."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from leastaction.errors import ArgumentError, ResultFileError
+from leastaction.models.marionette import marionette
+from leastaction.optimal import OptimizationResult, Status, optimize
+from leastaction_marionette import walk_in_place
+from leastaction_marionette.tracking import (
+    TrackingRun,
+    TrackingSearch,
+    attempts,
+    beginning,
+    load_unfinished,
+    parts,
+    save_search,
+    track,
+)
+from leastaction_marionette.tracking.gaps import closed
+from leastaction_marionette.tracking.parts import joined, parts_of
+from leastaction_marionette.tracking.tracker import Curve, Tracker
+
+PUPPET = marionette(strings=9)
+OPTIONS = {"planned": True, "checkpoint_seconds": 0.0}
+
+
+@pytest.fixture
+def three_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a motion of five seconds be long."""
+    monkeypatch.setattr(parts, "LONG", 4.0)
+    monkeypatch.setattr(parts, "_PART", 2.5)
+    monkeypatch.setattr(parts, "_OVERLAP", 1.2)
+
+
+@pytest.mark.parametrize(("duration", "dt"), [(30.0, 0.01), (31.7, 0.01), (63.58, 0.01), (600.0, 0.02), (200.0, 0.5)])
+def test_parts_are_alike_and_overlap(duration: float, dt: float) -> None:
+    t = np.linspace(0.0, duration, round(duration / dt) + 1)
+    found = parts_of(t)
+    assert len(found) > 1
+    assert found[0][0] == 0
+    assert found[-1][1] == len(t) - 1
+    for (start, stop), (after, _) in pairwise(found):
+        assert stop - after == round(3.0 / dt)
+        assert (stop - start) * dt == pytest.approx(15.0, abs=3.0)
+
+
+def test_a_motion_that_is_not_long_is_one_part() -> None:
+    assert parts_of(np.linspace(0.0, 29.9, 2991)) == [(0, 2990)]
+
+
+def test_what_agrees_is_joined_as_it_is_and_else_passes_over() -> None:
+    t = np.arange(31.0)
+    x, u = np.stack([np.sin(t), t], axis=1), np.cos(t[:-1, None])
+    same = joined((x[:21], u[:20]), (x[11:], u[11:]), 11)
+    np.testing.assert_allclose(same[0], x, atol=1e-15)
+    np.testing.assert_allclose(same[1], u, atol=1e-15)
+    # Of what differs the first is left, and the second reached, in the middle third of where they overlap.
+    x_after = x[11:] + 1.0
+    passed = joined((x[:21], u[:20]), (x_after, u[11:]), 11)[0] - x
+    np.testing.assert_array_equal(passed[:14], 0.0)
+    np.testing.assert_allclose(passed[18:], 1.0, atol=1e-14)
+    assert (np.diff(passed[:, 0]) >= -1e-12).all()
+
+
+@pytest.mark.usefixtures("three_parts")
+def test_a_long_motion_ends_as_near_as_by_one_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    by_parts = track(PUPPET, walk_in_place(5.0, 0.02), progress=said.append, **OPTIONS)
+    told = [each for each in said if each.startswith("part ")]
+    assert len(told) == 3
+    assert told[0].startswith("part 1 of 3, from 0 to 2.4")
+    assert told[-1].endswith("to 5 s:")
+    monkeypatch.setattr(parts, "LONG", 30.0)
+    whole = track(PUPPET, walk_in_place(5.0, 0.02), **OPTIONS)
+    assert by_parts.result.status is whole.result.status is Status.CONVERGED
+    assert by_parts.plan is not None
+    assert whole.plan is not None
+    # In another minimum, which is one percent cheaper here.
+    assert by_parts.plan.cost < 1.05 * whole.plan.cost
+    assert by_parts.tension.min() >= 0.5 - 1e-6
+    assert by_parts.effort is not None
+    assert by_parts.effort.optimisations > 3 * 4
+
+
+@pytest.mark.usefixtures("three_parts")
+def test_parts_that_are_followed_are_not_followed_again(tmp_path: Path) -> None:
+    """Ended by Ctrl-C after the second part, and gone on with from a file."""
+    path, motion = tmp_path / "search.npz", walk_in_place(5.0, 0.02)
+    whole = track(PUPPET, motion, **OPTIONS)
+
+    def checkpoint(found: TrackingRun | TrackingSearch) -> None:
+        if isinstance(found, TrackingSearch):
+            save_search(path, found)
+            if found.parts is not None and len(found.parts.u) > 150:
+                raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        track(PUPPET, motion, checkpoint=checkpoint, **OPTIONS)
+    search = load_unfinished(path)
+    assert isinstance(search, TrackingSearch)
+    assert search.parts is not None
+    assert 150 < len(search.parts.u) < 250
+    said: list[str] = []
+    run = track(PUPPET, search.motion, resume=search, progress=said.append, **OPTIONS)
+    assert said[0].startswith("part 3 of 3")
+    np.testing.assert_array_equal(run.result.x, whole.result.x)
+    assert run.effort == whole.effort
+    # Files that contradict themselves say so.
+    for steps, message in ((0, "0 steps that are followed, of 250"), (100, r"parts\.x has shape")):
+        save_search(path, replace(search, parts=replace(search.parts, u=search.parts.u[:steps])))
+        with pytest.raises(ResultFileError, match=message):
+            load_unfinished(path)
+
+
+@pytest.mark.usefixtures("three_parts")
+def test_limits_that_a_part_had_to_be_told_hold_for_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    follow, told = beginning._followed, []
+
+    def followed(part: Tracker) -> OptimizationResult:
+        result = follow(part)
+        told.append(part.kinds)
+        if len(told) == 2:
+            part.kinds |= {"speed"}
+        return result
+
+    monkeypatch.setattr(beginning, "_followed", followed)
+    run = track(PUPPET, walk_in_place(5.0, 0.02), **OPTIONS)
+    assert not any("speed" in kinds for kinds in told)
+    assert "speed" in run.kinds
+
+
+@pytest.mark.usefixtures("three_parts")
+def test_where_a_part_leads_nowhere_the_motion_is_followed_as_a_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nowhere(_: object) -> None:
+        raise ArgumentError("strings hold the puppet nowhere")
+
+    monkeypatch.setattr(beginning, "_followed", nowhere)
+    said: list[str] = []
+    run = track(PUPPET, walk_in_place(5.0, 0.02), progress=said.append, **OPTIONS)
+    assert said[1] == "it cannot be followed by itself: strings hold the puppet nowhere"
+    assert said[2].startswith("motors at price 0.001")
+    assert run.result.status is Status.CONVERGED
+
+
+@pytest.mark.usefixtures("three_parts")
+def test_where_parts_cannot_be_joined_the_motion_is_searched_as_a_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    def apart(before: Curve, after: Curve, start: int) -> Curve:
+        x, u = joined(before, after, start)
+        return x + 1e3 * np.sin(np.arange(x.size)).reshape(x.shape), u
+
+    monkeypatch.setattr(parts, "joined", apart)
+    said: list[str] = []
+    run = track(PUPPET, walk_in_place(5.0, 0.02), progress=said.append, **OPTIONS)
+    after = said[said.index(beginning._WHOLE) + 1 :]
+    assert after[0].startswith("motors at price 0.001")
+    assert run.result.status is Status.CONVERGED
+
+
+@pytest.mark.usefixtures("three_parts")
+def test_gaps_between_parts_are_closed_before_the_whole_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a limb swings otherwise in the one than in the other."""
+    left: list[float] = []
+
+    def close(tracker: Tracker, curve: Curve) -> Curve:
+        assert tracker.plan is not None
+        x = curve[0].copy()
+        x[125:, tracker.plan.mechanism.variables.index("lknee_rx")] -= 0.1
+        found = closed(tracker, (x, curve[1]))
+        sizes = 1.0 + np.abs(x).max(axis=0)
+        for states, inputs in ((x, curve[1]), found):
+            gap = tracker.plan.system.step_each(states, inputs).x - states[1:]
+            left.append(float(np.abs(gap / sizes).max()))
+        return found
+
+    monkeypatch.setattr(beginning, "closed", close)
+    said: list[str] = []
+    run = track(PUPPET, walk_in_place(5.0, 0.02), progress=said.append, **OPTIONS)
+    assert left[0] > 0.02
+    assert left[1] < 1e-3
+    assert beginning._WHOLE not in said
+    assert run.result.status is Status.CONVERGED
+
+
+@pytest.mark.usefixtures("three_parts")
+def test_ctrl_c_while_parts_are_joined_keeps_them_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(*arguments: object, **options: object) -> OptimizationResult:
+        return replace(optimize(*arguments, **options | {"max_iterations": 1}), status=Status.INTERRUPTED)
+
+    monkeypatch.setattr(attempts, "optimize", stopped)
+    kept: list[TrackingRun | TrackingSearch] = []
+    with pytest.raises(KeyboardInterrupt):
+        track(PUPPET, walk_in_place(5.0, 0.02), checkpoint=kept.append, **OPTIONS)
+    assert isinstance(kept[-1], TrackingSearch)
+    assert kept[-1].parts is not None
+    assert len(kept[-1].parts.u) == 250
