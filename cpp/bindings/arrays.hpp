@@ -83,13 +83,17 @@ inline std::vector<double> to_internal(const Mechanism& m, const In<1>& values, 
 }
 
 // A configuration in the user's order as an internal q: that of the variables, then the quaternions of balls.
-inline std::vector<double> configuration_of(const Mechanism& m, const double* values) {
-    std::vector<double> out(m.n_coordinates());
+inline void write_configuration(const Mechanism& m, const double* values, std::vector<double>& out) {
+    out.resize(m.n_coordinates());
     for (int i = 0; i < m.n_variables(); ++i) out[i] = values[m.places[i]];
     for (const Ball& ball : m.balls) {
         std::fill_n(&out[ball.variable], 3, 0.0);
         std::copy_n(values + ball.place, 4, &out[ball.quaternion]);
     }
+}
+inline std::vector<double> configuration_of(const Mechanism& m, const double* values) {
+    std::vector<double> out;
+    write_configuration(m, values, out);
     return out;
 }
 inline std::vector<double> configuration_of(const Mechanism& m, const In<1>& values, const char* what) {

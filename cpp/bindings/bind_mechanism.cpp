@@ -112,8 +112,10 @@ void at_every_joint(const Mechanism& m, const In<2>& q, std::size_t size, double
     Placement<double> at(m);
     std::vector<int> all(nj);
     std::iota(all.begin(), all.end(), 0);
+    std::vector<double> q_k;
     for (std::size_t k = 0; k < q.shape(0); ++k) {
-        place(all, configuration_of(m, q.data() + k * nq).data(), at);
+        write_configuration(m, q.data() + k * nq, q_k);
+        place(all, q_k.data(), at);
         for (std::size_t j = 0; j < nj; ++j, out += size) write(out, at, static_cast<int>(j));
     }
 }

@@ -57,10 +57,12 @@ Vec3<double> vector_at(const double* at) { return {at[0], at[1], at[2]}; }
 Out point_places(const Mechanism& m, const In<2>& q, const std::vector<int>& joints, const In<2>& offsets) {
     expect(q.shape(1), m.n_configuration(), "q");
     MovedPoints points = points_behind(m, joints, offsets);
+    std::vector<double> at_k;
     Out out = new_array({q.shape(0), joints.size(), 3});
     double* to = out.data();
     for (std::size_t k = 0; k < q.shape(0); ++k) {
-        points.place_at(configuration_of(m, q.data() + k * q.shape(1)).data());
+        write_configuration(m, q.data() + k * q.shape(1), at_k);
+        points.place_at(at_k.data());
         for (std::size_t i = 0; i < joints.size(); ++i) {
             const auto [x, y, z] = points.position(i);
             for (const double each : {x, y, z}) *to++ = each;
@@ -79,9 +81,11 @@ Out point_slopes(const Mechanism& m, const In<2>& q, const std::vector<int>& joi
     for (const int point : of)
         if (point < 0 || point >= static_cast<int>(joints.size())) throw std::invalid_argument("of: no such point");
     MovedPoints points = points_behind(m, joints, offsets);
+    std::vector<double> at_k;
     Out out = new_array({q.shape(0), rows, n});
     for (std::size_t k = 0; k < q.shape(0); ++k) {
-        points.place_at(configuration_of(m, q.data() + k * q.shape(1)).data());
+        write_configuration(m, q.data() + k * q.shape(1), at_k);
+        points.place_at(at_k.data());
         const double* at = along.data() + (along.shape(0) == 1 ? 0 : 3 * rows * k);
         for (std::size_t i = 0; i < rows; ++i)
             points.slope(of[i], vector_at(at + 3 * i), out.data() + (k * rows + i) * n);
@@ -98,9 +102,11 @@ Out point_bent(const Mechanism& m, const In<2>& q, const std::vector<int>& joint
     for (const std::size_t given : {force.shape(1), weight.shape(1)}) expect(given, count, "force and weight");
     expect(force.shape(2), 3, "force");
     MovedPoints points = points_behind(m, joints, offsets);
+    std::vector<double> at_k;
     Out out = zeros({q.shape(0), n, n});
     for (std::size_t k = 0; k < q.shape(0); ++k) {
-        points.place_at(configuration_of(m, q.data() + k * q.shape(1)).data());
+        write_configuration(m, q.data() + k * q.shape(1), at_k);
+        points.place_at(at_k.data());
         for (std::size_t i = 0; i < count; ++i) {
             const std::size_t at = k * count + i;
             points.add_bent(i, vector_at(force.data() + 3 * at), weight.data()[at], out.data() + n * n * k);
@@ -120,9 +126,11 @@ Out point_apart_bent(const Mechanism& m, const In<2>& q, const std::vector<int>&
         expect(given, pairs, "along, stiff and weight");
     expect(along.shape(2), 3, "along");
     MovedPoints points = points_behind(m, joints, offsets);
+    std::vector<double> at_k;
     Out out = zeros({q.shape(0), n, n});
     for (std::size_t k = 0; k < q.shape(0); ++k) {
-        points.place_at(configuration_of(m, q.data() + k * q.shape(1)).data());
+        write_configuration(m, q.data() + k * q.shape(1), at_k);
+        points.place_at(at_k.data());
         for (std::size_t i = 0; i < pairs; ++i) {
             const std::size_t at = k * pairs + i;
             points.add_apart(i, pairs + i, vector_at(along.data() + 3 * at), stiff.data()[at], weight.data()[at],

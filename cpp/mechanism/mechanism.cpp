@@ -179,6 +179,11 @@ int MechanismBuilder::check_joint(int joint) const {
     return joint == -1 ? -1 : checked(joint, joints_.size(), "joint");
 }
 int MechanismBuilder::check_variable(int variable) const {
+    for (const int joint : balls_) {
+        const int turned = variable - joints_[joint].variable;
+        if (turned >= 0 && turned < 3)
+            throw std::invalid_argument("the turns of a rotation that is a quaternion are no coordinates to act on");
+    }
     return checked(variable, n_dynamic_ + n_kinematic_, "configuration variable");
 }
 int MechanismBuilder::check_point(int point) const { return checked(point, points_.size(), "point"); }
