@@ -10,8 +10,10 @@ if TYPE_CHECKING:
     from leastaction.control.closed_loop import ClosedLoop, close_loop
     from leastaction.control.gains import SteadyGain, lqe, lqr
     from leastaction.control.kalman import Estimate, KalmanFilter
+    from leastaction.control.many import ManyRuns, simulate_many
     from leastaction.control.monte_carlo import LoopBands, monte_carlo
     from leastaction.control.predictive import MPC, PredictiveInfo
+    from leastaction.control.sweeps import Failed, optimize_many, sweep
 else:
     __getattr__, __dir__ = lazily(
         __name__,
@@ -19,12 +21,14 @@ else:
             "leastaction.control.closed_loop": "ClosedLoop close_loop",
             "leastaction.control.gains": "SteadyGain lqe lqr",
             "leastaction.control.kalman": "Estimate KalmanFilter",
+            "leastaction.control.many": "ManyRuns simulate_many",
             "leastaction.control.monte_carlo": "LoopBands monte_carlo",
             "leastaction.control.predictive": "MPC PredictiveInfo",
+            "leastaction.control.sweeps": "Failed optimize_many sweep",
         },
     )
 
 __all__ = [
-    "MPC", "ClosedLoop", "Estimate", "KalmanFilter", "LoopBands", "PredictiveInfo", "SteadyGain", "close_loop",
-    "lqe", "lqr", "monte_carlo",
+    "MPC", "ClosedLoop", "Estimate", "Failed", "KalmanFilter", "LoopBands", "ManyRuns", "PredictiveInfo",
+    "SteadyGain", "close_loop", "lqe", "lqr", "monte_carlo", "optimize_many", "simulate_many", "sweep",
 ]  # fmt: skip

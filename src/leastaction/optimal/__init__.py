@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from leastaction.optimal.options import Options
     from leastaction.optimal.quantity import Entries, FunctionQuantity, Quantity
     from leastaction.optimal.result import IterationRecord, OptimizationHistory, OptimizationResult, Status
+    from leastaction.optimal.space import ProductSpace, Rotations, StateSpace, Vectors
     from leastaction.optimal.starts.coarse_to_fine import coarse_to_fine, resample
     from leastaction.optimal.starts.continuation import continuation
     from leastaction.optimal.starts.help import HelpedCost
@@ -89,6 +90,7 @@ else:
             "leastaction.optimal.options": "Options",
             "leastaction.optimal.quantity": "Entries FunctionQuantity Quantity",
             "leastaction.optimal.result": "IterationRecord OptimizationHistory OptimizationResult Status",
+            "leastaction.optimal.space": "ProductSpace Rotations StateSpace Vectors",
             "leastaction.optimal.starts.coarse_to_fine": "coarse_to_fine resample",
             "leastaction.optimal.starts.continuation": "continuation",
             "leastaction.optimal.starts.help": "HelpedCost",
@@ -109,10 +111,10 @@ __all__ = [
     "FunctionQuantity", "FunctionSystem", "HelpedCost", "HessianPart", "IterationRecord", "IterationTable", "Limit",
     "LimitReport", "LimitState", "LinearContinuousSystem", "LinearQuadraticSolution", "LinearSystem",
     "Linearization", "ModelHessian", "OptimizationHistory", "OptimizationResult", "Optimizer", "Options",
-    "Parameter", "Periodic", "PiecewisePolynomial", "ProjectionOperator", "QuadraticCost", "Quantity", "RateGradient",
-    "RateHessian", "Rollout", "StageRecord", "StageTable", "StartResult", "StartStatus", "Status", "Unknown",
-    "WindowCost", "WindowSystem", "Within", "adjoint", "check_derivatives", "coarse_to_fine", "continuation",
-    "controllability", "cost_along", "optimize", "optimize_continuous", "receding_horizon", "regulate",
-    "regulate_continuous", "resample", "solve_continuous_linear_quadratic", "solve_linear_quadratic",
-    "steady_state_regulator", "sweep_forward",
+    "Parameter", "Periodic", "PiecewisePolynomial", "ProductSpace", "ProjectionOperator", "QuadraticCost",
+    "Quantity", "RateGradient", "RateHessian", "Rollout", "Rotations", "StageRecord", "StageTable", "StartResult",
+    "StartStatus", "StateSpace", "Status", "Unknown", "Vectors", "WindowCost", "WindowSystem", "Within", "adjoint",
+    "check_derivatives", "coarse_to_fine", "continuation", "controllability", "cost_along", "optimize",
+    "optimize_continuous", "receding_horizon", "regulate", "regulate_continuous", "resample",
+    "solve_continuous_linear_quadratic", "solve_linear_quadratic", "steady_state_regulator", "sweep_forward",
 ]  # fmt: skip

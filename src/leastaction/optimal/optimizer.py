@@ -21,6 +21,7 @@ from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult
+from leastaction.optimal.cost import check_space
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.easing import EasedProblem
 from leastaction.optimal.discrete.shooting import Gapped
@@ -245,15 +246,21 @@ class Optimizer:
             self.free_start,
         )
         check_system(system, (DiscreteSystem,), ("N",))
-        of_time = {"horizon": self.horizon, "accuracy": settings.accuracy, "collocate": settings.collocate or None}
-        for name, value in of_time.items():
-            if value is not None:
+        of_time = {"horizon": (self.horizon, None), "accuracy": (settings.accuracy, None)}
+        for name, (value, usual) in {**of_time, "collocate": (settings.collocate, True)}.items():
+            if value is not usual:
                 raise ArgumentError(
-                    f"{name}: got {value!r}, expected None: {type(system).__name__} is a discrete system, which "
+                    f"{name}: got {value!r}, expected {usual}: {type(system).__name__} is a discrete system, which "
                     "brings its times along."
                 )
         cost.check_shapes(system.N, system.nx, system.nu)
+        check_space(cost, system)
         final_time = None
+        if system.charts() is not None and any(isinstance(limit, Periodic) for limit in self.limits):
+            raise ArgumentError(
+                f"limits: got a Periodic for {type(system).__name__}, whose states are no plain vectors: expected "
+                "Equal at the end, of a given state"
+            )
         if self.unknowns or any(isinstance(limit, Periodic) for limit in self.limits):
             self._extension = extension = Extension(system, cost, self.unknowns, self.limits, free)
             rows, free, final_time = extension.rows(), True, extension.system.final_time

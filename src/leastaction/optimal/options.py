@@ -33,7 +33,8 @@ class Options:
         Whether the steps of a curve may miss the next states, until the gaps are closed: where it helps, never, or
         from the start.
     collocate : bool
-        Whether a problem in continuous time is put on a mesh where neither limits nor a free start ask for it.
+        Whether a problem in continuous time is put on a mesh; else its equations are integrated in time, which takes
+        many times as long, and knows neither limits nor a free start.
     max_iterations : int
         Limit on the iterations of a run.
     tolerance : float
@@ -64,7 +65,7 @@ class Options:
     method: str = "auto"
     regulator: str = "descent"
     shooting: str = "auto"
-    collocate: bool = False
+    collocate: bool = True
     max_iterations: int = 1000
     tolerance: float = 1e-9
     absolute_tolerance: float = 1e-14
