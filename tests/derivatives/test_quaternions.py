@@ -1,4 +1,4 @@
-"""Steps with rotations that are quaternions: A, B and second derivatives against JAX on SO(3), and against differences."""
+"""Steps with rotations that are quaternions: A, B and second derivatives against JAX on SO(3) and differences."""
 
 from __future__ import annotations
 
@@ -50,22 +50,22 @@ def step_in_jax(x: np.ndarray, u: np.ndarray, phi: np.ndarray, x_next: np.ndarra
     def hat(a: Any) -> Any:
         return jnp.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
 
-    def exponential(a: Any) -> Any:
-        # Good to the tenth order; what is moved by is near zero, or half of a rotation that is given.
-        term = out = jnp.eye(3)
-        for k in range(1, 22):
-            term = term @ hat(a) / k
-            out = out + term
-        return out
+    def near_zero(a: Any) -> Any:  # exp, with derivatives at zero to the fourth order
+        A = hat(a)
+        return jnp.eye(3) + A + A @ A / 2.0 + A @ A @ A / 6.0 + A @ A @ A @ A / 24.0
 
-    def logarithm(R: Any) -> Any:
+    def exponential(a: Any) -> Any:  # not at zero
+        A, square = hat(a), a @ a
+        angle = jnp.sqrt(square)
+        return jnp.eye(3) + jnp.sin(angle) / angle * A + (1.0 - jnp.cos(angle)) / square * A @ A
+
+    def logarithm(R: Any) -> Any:  # not of the identity
         w = jnp.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2.0
         sine = jnp.sqrt(w @ w)
         return jnp.arctan2(sine, (jnp.trace(R) - 1.0) / 2.0) / sine * w
 
-    def near_zero(R: Any) -> Any:  # a logarithm whose derivatives at the identity are right to the third order
-        w = jnp.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2.0
-        return w * (1.0 + (w @ w) / 6.0)
+    def small_turn(R: Any) -> Any:  # a logarithm whose derivatives at the identity are right to the second order
+        return jnp.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2.0
 
     qw, qx, qy, qz = x[1:5]
     v = jnp.array([qx, qy, qz])
@@ -81,41 +81,35 @@ def step_in_jax(x: np.ndarray, u: np.ndarray, phi: np.ndarray, x_next: np.ndarra
         turn = logarithm(start.T @ end)
         return DT * energy(start @ exponential(turn / 2.0), (q2 - q1) / DT, turn / DT)
 
-    def work(start: Any, end: Any, u: Any, a: Any, b: Any) -> Any:
-        """Of the torque at the middle, by how turns of the ends turn the middle."""
-        turn = logarithm(start.T @ end)
-        R = start @ exponential(turn / 2.0)
-
-        def middle(a: Any, b: Any) -> Any:
-            moved, reached = start @ exponential(a), end @ exponential(b)
-            return near_zero(R.T @ moved @ exponential(logarithm(moved.T @ reached) / 2.0))
-
-        zero = jnp.zeros(3)
-        xi = jax.jvp(middle, (zero, zero), (a, b))[1]
-        return DT * jnp.array([u[0], 0.2, u[1]]) @ xi
+    def work(a: Any, b: Any, start: Any, end: Any, u: Any) -> Any:
+        """Of the torque at the middle, by how turns of the ends turn the middle: its derivatives at zero are meant."""
+        R = start @ exponential(logarithm(start.T @ end) / 2.0)
+        moved, reached = start @ near_zero(a), end @ near_zero(b)
+        middle = moved @ exponential(logarithm(moved.T @ reached) / 2.0)
+        return DT * jnp.array([u[0], 0.2, u[1]]) @ small_turn(R.T @ middle)
 
     def rows(q1: Any, start: Any, q2: Any, end: Any, u: Any) -> tuple[Any, Any]:
         zero = jnp.zeros(3)
 
         def moved(s: Any, a: Any, t: Any, b: Any) -> Any:
-            return Ld(q1 + s, start @ exponential(a), q2 + t, end @ exponential(b))
+            return Ld(q1 + s, start @ near_zero(a), q2 + t, end @ near_zero(b))
 
         s, a, t, b = jax.grad(moved, argnums=(0, 1, 2, 3))(0.0, zero, 0.0, zero)
-        a = a + jax.grad(lambda a: work(start, end, u, a, zero))(zero)
-        b = b + jax.grad(lambda b: work(start, end, u, zero, b))(zero)
+        by_start, by_end = jax.grad(work, argnums=(0, 1))(zero, zero, start, end, u)
+        a, b = a + by_start, b + by_end
         return jnp.concatenate([s[None], a]), jnp.concatenate([t[None], b])
 
     def step(th: Any) -> Any:
-        q1, start = x[0] + th[0], R1 @ exponential(th[1:4])
+        q1, start = x[0] + th[0], R1 @ near_zero(th[1:4])
         p, inputs = jnp.asarray(x[5:]) + th[4:8], jnp.asarray(u) + th[8:]
 
         def residual(y: Any) -> Any:
-            return p + rows(q1, start, x_next[0] + y[0], R2 @ exponential(y[1:]), inputs)[0]
+            return p + rows(q1, start, x_next[0] + y[0], R2 @ near_zero(y[1:]), inputs)[0]
 
         y = jnp.zeros(4)
-        for _ in range(3):
+        for _ in range(2):
             y = y - jnp.linalg.solve(jax.jacfwd(residual)(y), residual(y))
-        after = rows(q1, start, x_next[0] + y[0], R2 @ exponential(y[1:]), inputs)[1]
+        after = rows(q1, start, x_next[0] + y[0], R2 @ near_zero(y[1:]), inputs)[1]
         return jnp.concatenate([y, after - x_next[5:]])
 
     return step
@@ -136,15 +130,17 @@ def test_first_and_second_derivatives_are_those_of_jax() -> None:
         step = step_in_jax(run.x[0], u, phi, run.x[1])
         zero = jax.numpy.zeros(10)
         assert float(np.abs(step(zero)).max()) < 1e-13
-        first = np.asarray(jax.jacfwd(step)(zero))
-        second = np.asarray(jax.hessian(lambda th: z @ step(th))(zero))
+        first = np.asarray(jax.jit(jax.jacfwd(step))(zero))
+        second = np.asarray(jax.jit(jax.jacfwd(jax.jacfwd(lambda th: z @ step(th))))(zero))
     assert np.abs(np.hstack([d.A[0], d.B[0]]) - first).max() < RELATIVE * np.abs(first).max()
     assert np.abs(d.curvature(z[None])[0] - second).max() < RELATIVE * np.abs(second).max()
 
 
 def tumbling(*elements: Element) -> Mechanism:
     """A floating base with a leg, whose foot hangs on a ball joint, beside a prescribed hand."""
-    base = free("base", axes="quaternion", mass=2.0, com=(0.05, 0.02, -0.03), inertia=(0.1, 0.2, 0.15, 0.01, 0.02, -0.01))
+    base = free(
+        "base", axes="quaternion", mass=2.0, com=(0.05, 0.02, -0.03), inertia=(0.1, 0.2, 0.15, 0.01, 0.02, -0.01)
+    )
     leg = rz("knee", name="leg", mass=0.5, com=(0.1, 0.0, 0.02), inertia=(0.02, 0.01, 0.03))
     foot = ball("hip", axes="quaternion", name="foot", mass=0.4, com=(0.1, 0.03, 0.05), inertia=(0.02, 0.01, 0.015))
     tree: list[Any] = [base, [tx(0.3), [leg, [tx(0.3), [foot, [tx(0.2, name="toe")]]]], ty(-0.4, name="left")]]
@@ -207,7 +203,9 @@ def test_parameters() -> None:
     m = tumbling(*FORCES, WRENCH)
     vi = MidpointVI(m, tolerance=1e-15)
     rng = np.random.default_rng(5)
-    run = vi.simulate(vi.start(m.configuration(), rng.standard_normal(m.nv) * 3.0), [0.0, 0.06], inputs=[0.2, 0.1, -0.3])
+    run = vi.simulate(
+        vi.start(m.configuration(), rng.standard_normal(m.nv) * 3.0), [0.0, 0.06], inputs=[0.2, 0.1, -0.3]
+    )
     names = ["base.mass", "foot.inertia.xy", "leg.com.x", "LinearDamper.coefficient", "BodyWrench.torque.y"]
     names = [name for name in names if name in m.parameters]
     assert len(names) >= 3

@@ -18,7 +18,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.control.readings import Measured, Readings, Spread, covariance, step_of
+from leastaction.control.readings import Measured, Readings, Spread, covariance, expect_vectors, step_of
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_choice, read_only, require_instance
 from leastaction.optimal.discrete.system import DiscreteSystem
@@ -138,6 +138,7 @@ class KalmanFilter:
     ) -> None:
         require_instance(system, "system", DiscreteSystem, "such as a MidpointSystem")
         as_choice(kind, "kind", get_args(FilterKind))
+        expect_vectors(system, "KalmanFilter")
         self.system, self.kind = system, kind
         self.readings = Readings(system, measure)
         self.V = covariance(noise, self.readings.names, "noise", definite=True)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.control.interior import InteriorProgram, WindowModel
+from leastaction.control.readings import expect_vectors
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, read_only, require_instance
 from leastaction.optimal.discrete.cost import Cost, QuadraticCost
@@ -137,6 +138,7 @@ class MPC:
         tolerance: float = 1e-4,
     ) -> None:
         require_instance(system, "system", DiscreteSystem, "such as a MidpointSystem")
+        expect_vectors(system, "MPC")
         N = system.N if horizon is None else as_count(horizon, "horizon", 1)
         if N > system.N:
             raise ArgumentError(f"horizon: got {N}, expected at most the {system.N} steps of the system")

@@ -143,3 +143,12 @@ def _checked(matrix: Array, what: str, *, definite: bool) -> Array:
 def step_of(system: DiscreteSystem, k: int) -> int:
     """Return which of a system's steps stands for step k: its last for all that come after its horizon."""
     return min(k, system.N - 1)
+
+
+def expect_vectors(system: System, what: str) -> None:
+    """Raise for a system whose states are no plain vectors, such as one with a rotation that is a quaternion."""
+    if system.charts() is not None:
+        raise ArgumentError(
+            f"{what}: not yet for a system whose states are no plain vectors, as {type(system).__name__} has here; "
+            "describe rotations by angles, axes='xyz'"
+        )

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from leastaction.control.many import simulate_many
+from leastaction.control.readings import expect_vectors
 from leastaction.errors import StepError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.discrete.system import DiscreteSystem
@@ -20,6 +21,7 @@ class BatchedSystem:
     """
 
     def __init__(self, system: DiscreteSystem) -> None:
+        expect_vectors(system, "bridge")
         self.system = system
         self.N, self.nx, self.nu = system.N, system.nx, system.nu
 

@@ -89,8 +89,8 @@ class BallAngles:
 class Rotation:
     """The rotation of a `ball` or a `free` joint that is a unit quaternion.
 
-    ``name``: name of the joint. ``variables``: of the angular velocity in the axes of the moved frame. ``joint``: the first
-    of the three joints, rx, ry and rz, that it is for the core.
+    ``name``: name of the joint. ``variables``: of the angular velocity in the axes of the moved frame. ``joint``: the
+    first of the three joints, rx, ry and rz, that it is for the core.
     """
 
     name: str

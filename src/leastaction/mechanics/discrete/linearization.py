@@ -24,7 +24,8 @@ class StepDerivatives:
     The state of a step is ``x = [q; rho; p; v_rho]``, its input ``u = [inputs; rho_next]``; where the
     derivatives of the multipliers were asked for, these stand after the state, ``[x; lam]``, in `A_all` and
     `B_all`. Where a rotation is a quaternion, derivatives are of and by differences of states, which have ndx numbers:
-    of ``difference(f(plus(x, dx), u), f(x, u))``, with turns in the axes of the body. All arrays are read-only views of its memory.
+    of ``difference(f(plus(x, dx), u), f(x, u))``, with turns in the axes of the body. All arrays are
+    read-only views of its memory.
 
     Attributes
     ----------

@@ -229,7 +229,8 @@ class MidpointVI(Integrator):
         h = as_time_step(dt)
         u = inputs_of(m, inputs)
         start = vector_of(m, state)
-        rho = start[m.nq - m.nrho : m.nq] if rho_next is None else as_array(rho_next, "rho_next", (m.nrho,), names=m.kinematic)
+        before = start[m.nq - m.nrho : m.nq]
+        rho = before if rho_next is None else as_array(rho_next, "rho_next", (m.nrho,), names=m.kinematic)
         begin = as_number(state.t, "state.t")
         t = np.array((begin, begin + h))
         if self.reels:

@@ -27,7 +27,7 @@ from leastaction.mechanics.mechanism.parameters import (
     Prescribed,
     inertia_slope,
 )
-from leastaction.numerics.arrays import Array, as_array, require_instance
+from leastaction.numerics.arrays import Array, require_instance
 
 
 @dataclass(frozen=True)

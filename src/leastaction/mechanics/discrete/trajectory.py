@@ -155,7 +155,7 @@ class Trajectory(BaseTrajectory[State]):
 
     @property
     def v(self) -> Array:
-        """Velocities over the steps, ``(q_{k+1} - q_k) / dt``, shape (N, nv) (m/s or rad/s); angular ones of quaternions."""
+        """Velocities over the steps, ``(q_{k+1} - q_k) / dt``, shape (N, nv) (m/s or rad/s); angular of quaternions."""
         return differences(self.mechanism, self.q[1:], self.q[:-1]) / np.diff(self.t)[:, None]
 
     @property

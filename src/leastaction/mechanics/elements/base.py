@@ -303,9 +303,9 @@ class Element(abc.ABC):
         for name in uses.dynamic + uses.kinematic + uses.variables:
             if name in context.turns:
                 raise DescriptionError(
-                    f"{self.label}: {name!r} is an angular velocity of the joint {context.turns[name]!r}, whose rotation is "
-                    "a quaternion: there is no angle that an element could act on. Act on its frame, as a wrench or a "
-                    "spring between frames does, or give the joint angles, axes='xyz'"
+                    f"{self.label}: {name!r} is an angular velocity of the joint {context.turns[name]!r}, whose "
+                    "rotation is a quaternion: there is no angle that an element could act on. Act on its frame, as a "
+                    "wrench or a spring between frames does, or give the joint angles, axes='xyz'"
                 )
         for names, known, kind in kinds:
             for name in names:

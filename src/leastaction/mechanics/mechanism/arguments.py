@@ -14,7 +14,6 @@ from leastaction.mechanics.description.tree import Tree
 from leastaction.mechanics.elements import Element, Parts
 from leastaction.numerics.arrays import Array, as_array, shape_of
 
-
 _UNIT = 1e-6  # how far rounding of a file may take the length of a quaternion from one
 _ROUNDING = 1e-14  # and how far from one it stays as it is
 
@@ -75,11 +74,20 @@ def configuration_on(m: Compiled, q: Array, what: str) -> Array:
         off = np.abs(length - 1.0)
         if (off > _UNIT).any():
             raise ArgumentError(
-                f"{what}: {', '.join(rotation.quaternion)} are a unit quaternion, scalar first, whose length is 1; got the "
-                f"length {float(length.flat[int(np.argmax(off))]):.6g}. No rotation is 1, 0, 0, 0; an angle a about an axis "
-                "e (of length 1) is cos(a/2), sin(a/2) e"
+                f"{what}: {', '.join(rotation.quaternion)} are a unit quaternion, scalar first, whose length is 1; got "
+                f"the length {float(length.flat[int(np.argmax(off))]):.6g}. No rotation is 1, 0, 0, 0; an angle a "
+                "about an axis e (of length 1) is cos(a/2), sin(a/2) e"
             )
         out[..., first : first + 4] = np.where(off > _ROUNDING, numbers / length, numbers)
+    return out
+
+
+def of_unit_length(m: Compiled, q: Array) -> Array:
+    """Return configurations (N, nq) with quaternions brought back to unit length, as between two that are near."""
+    out = np.array(q)
+    for rotation in m.tree.rotations:
+        first = m.coordinates.index(rotation.quaternion[0])
+        out[:, first : first + 4] /= np.linalg.norm(out[:, first : first + 4], axis=1, keepdims=True)
     return out
 
 

@@ -118,7 +118,8 @@ class BaseTrajectory(Frozen, Savable, ABC, Generic[S_co]):
         m = self.mechanism
         multipliers = dict(zip(m.constraints, self.multiplier_units, strict=True))
         units = m.units
-        return MappingProxyType({**multipliers, **{name: units.get(name, "1") for name in (*m.inputs, *m.variables, *m.coordinates)}})
+        names = dict.fromkeys((*m.inputs, *m.variables, *m.coordinates))
+        return MappingProxyType({**multipliers, **{name: units.get(name, "1") for name in names}})
 
     def __getitem__(self, name: str) -> Array:
         """Return a variable, an input or a multiplier over time by name, or the places (N+1, 3) of a frame (m)."""
