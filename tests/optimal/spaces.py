@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from leastaction.numerics.differences import complex_step
+from leastaction.numerics.differences import complex_step, fourth_order
 from leastaction.optimal import DiscreteSystem, Linearization, ProductSpace, Rotations, StateSpace, Vectors
 
 INERTIA = np.array([1.0, 1.3, 0.7])
@@ -145,3 +145,50 @@ def body(N):
 def attitude(axis, angle):
     axis = np.asarray(axis, dtype=float)
     return turned_by(angle * axis / np.linalg.norm(axis))
+
+
+class TimedBody(Body):
+    """A body whose steps share a final time, and whose torques are times a number."""
+
+    def __init__(self, N, T, strength=1.0):
+        super().__init__(np.full(N, T / N))
+        self.T, self.strength = T, strength
+
+    @property
+    def parameters(self):
+        return {"final time": self.T, "strength": self.strength}
+
+    def with_parameters(self, values):
+        known = {**self.parameters, **values}
+        return TimedBody(self.N, known["final time"], known["strength"])
+
+    def time(self, k):
+        return k * self.T / self.N
+
+    def f(self, x, u, k):
+        return step(x, self.strength * u, self.steps[k])
+
+    def derivatives(self, x, u, k):
+        A, B = super().derivatives(x, self.strength * u, k)
+        return A, self.strength * B
+
+    def _scaled(self, H):
+        scale = np.r_[np.ones(6), np.full(3, self.strength)]
+        return scale[:, None] * H * scale
+
+    def curvature(self, x, u, k, z):
+        return self._scaled(super().curvature(x, self.strength * u, k, z))
+
+    def linearize(self, x, u, out=None):
+        found = super().linearize(x, self.strength * u)
+        return Linearization(found.A, self.strength * found.B, lambda z: self._scaled(found.second(z)))
+
+    def differentiate_by(self, x, u, names, start=0):
+        x = x[: len(u)]
+        ends = step(x, self.strength * u, self.T / self.N)
+
+        def moved(name, by):
+            other = self.with_parameters({name: self.parameters[name] + by})
+            return BODY.difference(step(x, other.strength * u, other.T / self.N), ends)
+
+        return np.stack([fourth_order(lambda by, name=name: moved(name, by), 1e-3) for name in names], axis=2)

@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 
 from leastaction.errors import ArgumentError
+from leastaction.numerics.differences import central_differences
 from leastaction.optimal import (
     Bound,
+    ContinuousQuadraticCost,
+    ContinuousSystem,
     DiscreteSystem,
+    FinalTime,
     FunctionQuantity,
     FunctionSystem,
     Optimizer,
+    Periodic,
     ProductSpace,
     QuadraticCost,
     Rotations,
@@ -24,7 +29,8 @@ from leastaction.optimal import (
     receding_horizon,
 )
 from leastaction.optimal.space import DifferencedSpace
-from optimal.spaces import BODY, Body, Circle, Pendulum, attitude, body, step
+from leastaction.optimal.unknowns.system import ExtendedSystem
+from optimal.spaces import BODY, Body, Circle, Pendulum, TimedBody, attitude, body, step
 
 AT_REST = np.zeros(3)
 
@@ -359,3 +365,75 @@ def test_what_does_not_fit_a_space_is_told():
         ProductSpace()
     with pytest.raises(ArgumentError, match="expected spaces such as"):
         ProductSpace(Rotations(), 3)
+
+
+def test_unknowns_beside_rotations_are_derived_and_found():
+    system, rng = TimedBody(12, 1.5), np.random.default_rng(4)
+    extended = ExtendedSystem(system, ["final time", "strength"], [], False)
+    x = np.hstack([np.tile(to_attitude(12, [1, 2, 3], 2.0)[1][0], (13, 1)), np.tile([1.3, 0.8], (13, 1))])
+    u = rng.standard_normal((12, 3))
+    x = extended.plus(x, np.hstack([0.5 * rng.standard_normal((13, 6)), np.zeros((13, 2))]))
+    report = check_derivatives(extended, x, u)
+    assert report.ok, str(report)
+
+    cost, initial = to_attitude(12, [1, 2, 3], 2.0)
+    limits = [Bound("u*", -6.0, 6.0)]
+    unknowns = [FinalTime(0.5, 3.0, price=1.0)]
+    found = optimize(system, cost, initial=initial, unknowns=unknowns, limits=limits, tolerance=1e-12)
+    assert found.status is Status.CONVERGED, found.message
+    T = found.unknowns["final time"]
+    assert 0.5 < T < 3.0
+    assert found.K.shape == (12, 3, 6)
+
+    def best(T):
+        start = (found.x[0], found.u)
+        return optimize(system.with_parameters({"final time": T}), cost, initial=start, limits=limits).cost + T
+
+    assert best(T) == pytest.approx(found.cost, rel=1e-8)
+    assert min(best(T - 0.02), best(T + 0.02)) > best(T)
+
+
+def test_what_returns_among_rotations_is_refused_by_name():
+    system = body(5)
+    cost, initial = to_attitude(5, [1, 2, 3], 1.0)
+    with pytest.raises(ArgumentError, match="got a Periodic for Body, whose states are no plain vectors"):
+        optimize(system, cost, initial=initial, limits=[Periodic("x*")], free_start=True)
+
+
+def test_a_quadratic_cost_in_continuous_time_prices_differences():
+    rng = np.random.default_rng(5)
+    wanted = np.array([*attitude([1, 2, 3], 2.0), *AT_REST])
+    cost = ContinuousQuadraticCost(
+        wanted, np.zeros(3), Q=np.arange(1.0, 7.0), R=np.ones(3), Q_final=np.ones(6), space=BODY
+    )
+    x = BODY.plus(np.tile(wanted, (2, 1)), rng.standard_normal((2, 6)))
+    u, t = rng.standard_normal((2, 3)), np.array([0.1, 0.2])
+    off = BODY.difference(x, wanted)
+    assert cost.rates(x, u, t) == pytest.approx(0.5 * (off**2 @ np.arange(1.0, 7.0) + np.sum(u**2, axis=1)), rel=1e-14)
+    slope = central_differences(lambda d: np.array([cost.rate(BODY.plus(x[0], d), u[0], 0.1)]), np.zeros(6))[0]
+    assert cost.gradient(x, u, t).q[0] == pytest.approx(slope, abs=1e-8)
+    last = central_differences(lambda d: np.array([cost.final_value(BODY.plus(x[0], d), 0.1)]), np.zeros(6))[0]
+    assert cost.final_gradient(x[0], 0.1) == pytest.approx(last, abs=1e-8)
+    for by, H in ((cost.gradient, cost.hessian(x, u, t).Q[0]), (None, cost.final_hessian(x[0], 0.1))):
+
+        def gradient(d, by=by):
+            moved = BODY.plus(x[0], d)
+            q = cost.final_gradient(moved, 0.1) if by is None else by(moved[None], u[:1], t[:1]).q[0]
+            return np.linalg.solve(BODY.difference_derivative(moved, x[0]).T, q)
+
+        assert np.asarray(H) == pytest.approx(central_differences(gradient, np.zeros(6)), abs=1e-7)
+
+
+def test_states_in_continuous_time_have_to_be_plain():
+    class Turning(ContinuousSystem):
+        nx, nu, space = 4, 3, Rotations()
+
+        def f(self, x, u, t):
+            return u
+
+        def derivatives(self, x, u, t):
+            return np.zeros((3, 3)), np.eye(3)
+
+    cost = ContinuousQuadraticCost(np.eye(4)[0], np.zeros(3), Q=np.ones(3), R=np.ones(3), space=Rotations())
+    with pytest.raises(ArgumentError, match="got a Turning whose states are no plain vectors"):
+        optimize(Turning(), cost, initial=(np.eye(4)[0], np.zeros(3)), horizon=(0.0, 1.0))

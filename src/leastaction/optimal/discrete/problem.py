@@ -23,6 +23,7 @@ from leastaction.optimal.discrete.linear_quadratic import (
     regulate,
     sweep_forward,
 )
+from leastaction.optimal.discrete.own_projection import own_projection
 from leastaction.optimal.discrete.projection import linearize_along_curve
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, given_start, linearized, told_of
 from leastaction.optimal.discrete.trial import SHORT, leap, try_projection
@@ -72,7 +73,8 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         # linear-quadratic problem (solved in `free`), because the adjoint needs them.
         sizes = (system.N, system.ndx, system.nu)
         self.free, self.held = Workspace(*sizes), Workspace(*sizes)
-        self.lqr = Workspace(*sizes) if settings.regulator == "lqr" else None
+        self.own_projection = own_projection(settings, system)
+        self.lqr = None if self.own_projection is None else Workspace(*sizes)
         self.old_linearization: Linearization | None = None
 
     # ---- Where to start -------------------------------------------------------------------------
@@ -118,6 +120,8 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
             found.append((value if np.isfinite(value) else np.inf, projected, gain))
 
         def regulator() -> Array:
+            if self.own_projection is not None and self.own_projection.is_users:
+                return self.own_projection.gains(linearize_along_curve(self.system, x, u), Workspace(N, ndx, nu))
             self.quasi_newton = self._solve("quasi-newton", self.held)
             return self.quasi_newton.K if self.quasi_newton.definite else regulate(*self._linearize())
 
@@ -353,11 +357,11 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
 
     def _own_gain(self) -> Array | None:
         """Return the projection's own gains about the current iterate, if it has any."""
-        if self.lqr is None:
+        if self.own_projection is None or self.lqr is None:
             return None
         if self.feedback is None:
             with self.clock("lq"):
-                self.gain = self.feedback = regulate(*self._linearize(), workspace=self.lqr)
+                self.gain = self.feedback = self.own_projection.gains(self._linearize(), self.lqr)
         return self.gain
 
     def forget(self) -> None:
