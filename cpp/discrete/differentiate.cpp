@@ -53,12 +53,13 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
     const bool turns = !mechanism.balls.empty();
     if (turns) take(step);
     const PairDerivatives& d = step.lagrangian().pairs;
-    if (!turns) each_pair(mechanism, d.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
-        const double qq = weight * (0.25 * dt * d.qq[at]), vv = weight * (d.vv[at] / dt);
-        const double sum = weight * (0.5 * (d.q_v[at] + d.v_q[at])), odd = weight * (0.5 * (d.q_v[at] - d.v_q[at]));
-        if (i < nd) add(i, j, qq - sum + vv, qq - vv + odd, qq - vv - odd, qq + sum + vv);
-        if (j < nd && mirrored) add(j, i, qq - sum + vv, qq - vv - odd, qq - vv + odd, qq + sum + vv);
-    });
+    if (!turns)
+        each_pair(mechanism, d.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
+            const double qq = weight * (0.25 * dt * d.qq[at]), vv = weight * (d.vv[at] / dt);
+            const double sum = weight * (0.5 * (d.q_v[at] + d.v_q[at])), odd = weight * (0.5 * (d.q_v[at] - d.v_q[at]));
+            if (i < nd) add(i, j, qq - sum + vv, qq - vv + odd, qq - vv - odd, qq + sum + vv);
+            if (j < nd && mirrored) add(j, i, qq - sum + vv, qq - vv - odd, qq - vv + odd, qq + sum + vv);
+        });
     for (int i = 0; i < nd; ++i) Y[i * ld + at_p + i] = -1.0;
     const auto add_force = [&](int i, int j, double f_q, double f_v) {
         if (i >= nd) return;
@@ -72,13 +73,13 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
         P2[i * ld + at_u + input] += kp * f_u;
     };
     if (!turns) {
-    for (const auto& [i, slot] : mechanism.damping) add_force(i, i, 0.0, -mechanism.numbers[slot]);
-    for (const auto& [i, input] : mechanism.joint_forces) add_input(i, input, 1.0);
-    for_each_entry(mechanism.potentials, middle.at, middle.q, local_, [&](int i, int j, double bend) {
-        const double qq = -0.25 * dt * bend;
-        if (i < nd) add(i, j, qq, qq, qq, qq);
-    });
-    for_each_entry(mechanism.forces, middle, force_, add_force, add_input);
+        for (const auto& [i, slot] : mechanism.damping) add_force(i, i, 0.0, -mechanism.numbers[slot]);
+        for (const auto& [i, input] : mechanism.joint_forces) add_input(i, input, 1.0);
+        for_each_entry(mechanism.potentials, middle.at, middle.q, local_, [&](int i, int j, double bend) {
+            const double qq = -0.25 * dt * bend;
+            if (i < nd) add(i, j, qq, qq, qq, qq);
+        });
+        for_each_entry(mechanism.forces, middle, force_, add_force, add_input);
     }
     const auto add_instant_input = [&](int i, int input, double f_u) {
         if (i < nd) Y[i * ld + at_u + input] -= step.share * f_u;

@@ -102,8 +102,7 @@ struct Layout {
             out[m.places[i]] = x[m.places[i]] + dx[m.external[i]];
             out[nqx + i] = x[nqx + i] + dx[nq + i];
         }
-        for (const Ball& ball : m.balls)
-            turn_by(x + ball.place, dx + m.external[ball.variable], 1.0, out + ball.place);
+        for (const Ball& ball : m.balls) turn_by(x + ball.place, dx + m.external[ball.variable], 1.0, out + ball.place);
     }
     // The derivatives of a step whose end is known; false where it is no step of the mechanism.
     bool differentiate(MidpointStep& step, FirstOrder& first, const double* x, const double* u, const double* next,

@@ -32,7 +32,8 @@ int for_each_step(const Midpoint& integrator, int steps, int threads, const OfSt
 }
 
 std::size_t record_size(const Layout& at) {
-    return 2 * at.m.n_coordinates() + at.ni + at.nc + 1 + static_cast<std::size_t>(at.nc) * (at.theta + at.nc + 2 * at.nd);
+    return 2 * at.m.n_coordinates() + at.ni + at.nc + 1 +
+           static_cast<std::size_t>(at.nc) * (at.theta + at.nc + 2 * at.nd);
 }
 
 // The length of a step as its one parameter.

@@ -20,9 +20,9 @@
 #include <memory>
 #include <vector>
 
+#include "discrete/turning.hpp"
 #include "dynamics/lagrangian.hpp"
 #include "dynamics/newton_matrix.hpp"
-#include "discrete/turning.hpp"
 
 namespace leastaction {
 
@@ -132,8 +132,8 @@ public:
     Split split() const { return settings_.split; }
 
 private:
-    void turn_ends();  // of balls: turnings_, their quaternions in q2 and end_
-    void turn_correction();  // of balls: from turns of the end to changes of phi
+    void turn_ends();          // of balls: turnings_, their quaternions in q2 and end_
+    void turn_correction();    // of balls: from turns of the end to changes of phi
     void evaluate(double dt);  // residuals and p2 at (q2, lam)
     double largest_residual(const std::vector<double>& scale) const;
     // Newton matrix at the point of the last evaluate(), by the O(n) solver if `in_tree` and it can.
@@ -189,7 +189,7 @@ private:
     std::vector<double> q_mid_, v_, f_, still_;
     std::vector<Turning> turnings_;
     std::vector<double> placed_, raw_start_, raw_end_, moved_inertia_;
-    std::unique_ptr<StepHessian> table_;  // null where there are no balls
+    std::unique_ptr<StepHessian> table_;   // null where there are no balls
     double potential_size_ = 0;            // of the largest slope of a potential
     double stored_ = 0, stored_size_ = 0;  // energy in potentials, and the sum of their sizes
     std::vector<double> inertia_;          // that rotors give each dynamic variable alone

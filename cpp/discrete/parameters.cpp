@@ -29,7 +29,8 @@ void NumberDuals::look(const double* numbers, const double* direction) {
 }
 
 ParameterSlopes::ParameterSlopes(const Mechanism& mechanism) : duals(mechanism), m_(mechanism) {
-    for (auto* a : {&L_q_, &L_v_, &f_, &kick_, &L_qv_v_, &L_vv_v_, &f_v_v_, &force_, &start_, &end_}) a->resize(m_.n_variables());
+    for (auto* a : {&L_q_, &L_v_, &f_, &kick_, &L_qv_v_, &L_vv_v_, &f_v_v_, &force_, &start_, &end_})
+        a->resize(m_.n_variables());
 }
 
 void ParameterSlopes::set_along_velocity(const MidpointStep& step) {

@@ -15,8 +15,8 @@ struct StepHessian {
     NewtonMatrix::Matrix by_ends, by_u;
 
     // At a middle at which the Lagrangian has its Hessian.
-    void evaluate(const Mechanism& m, const Lagrangian<double>& lagrangian, const ForcePoint<double>& middle, Split split,
-                  double dt, LocalTaylor<double>& local, LocalForce<double>& force);
+    void evaluate(const Mechanism& m, const Lagrangian<double>& lagrangian, const ForcePoint<double>& middle,
+                  Split split, double dt, LocalTaylor<double>& local, LocalForce<double>& force);
     // Columns of balls become derivatives by turns of the ends.
     void turn_columns(const Mechanism& m, const std::vector<Turning>& turnings);
     // And then rows, given the values of the rows (of the kernel's coordinates) that they are derivatives of.

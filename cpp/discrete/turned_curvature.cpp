@@ -17,7 +17,8 @@ using Vector6 = Turning::Vector6;
 using Matrix6 = Turning::Matrix6;
 
 struct SecondOrder::Turned {
-    explicit Turned(const Mechanism& m) : lagrangian(m), end(m.n_coordinates()), start_row(m.n_variables()), end_row(m.n_variables()) {}
+    explicit Turned(const Mechanism& m)
+        : lagrangian(m), end(m.n_coordinates()), start_row(m.n_variables()), end_row(m.n_variables()) {}
     Lagrangian<double> lagrangian;
     std::vector<double> end;  // q2 as a configuration
     std::vector<double> start_row, end_row;
@@ -80,7 +81,8 @@ void SecondOrder::begin_turned(double dt) {
     place_balls();
     t.lagrangian.gradient(q_mid_.data(), v_.data());
     place(m.massless_joints_seen, q_mid_.data(), t.lagrangian.at);
-    for_each_entry(m.potentials, t.lagrangian.at, q_mid_.data(), local_, [&](int i, double slope) { t.lagrangian.L_q[i] -= slope; });
+    for_each_entry(m.potentials, t.lagrangian.at, q_mid_.data(), local_,
+                   [&](int i, double slope) { t.lagrangian.L_q[i] -= slope; });
     for (int i = 0; i < nq_; ++i) {
         t.start_row[i] = 0.5 * dt * t.lagrangian.L_q[i] - t.lagrangian.L_v[i];
         t.end_row[i] = 0.5 * dt * t.lagrangian.L_q[i] + t.lagrangian.L_v[i];

@@ -67,7 +67,10 @@ using Jets = Vec3<Jet<n>>;
 template <int n>
 struct Rates {
     explicit Rates(const Jets<n>& theta)
-        : sy(theta.y.of(0, 1, 0)), cy(theta.y.of(1, 0, -1)), over(theta.y.of(1, 0, 1)), sz(theta.z.of(0, 1, 0)),
+        : sy(theta.y.of(0, 1, 0)),
+          cy(theta.y.of(1, 0, -1)),
+          over(theta.y.of(1, 0, 1)),
+          sz(theta.z.of(0, 1, 0)),
           cz(theta.z.of(1, 0, -1)) {}
     Jet<n> sy, cy, over, sz, cz;  // over: 1 / cy
 
@@ -93,14 +96,22 @@ Vec3<T> first_change(const Vec3<T>& by, const Vec3<T>& nu) {
 }
 
 // Sums over k of 1/((2 pi k)^2 - y) and the like: a power series in y = x^2, with derivatives.
-constexpr std::array<double, 12> series_c{0.0833333333333333333,  0.00138888888888888889, 0.0000330687830687830688,
-                                          8.2671957671957672e-7,  2.0876756987868099e-8,  5.28419013868749318e-10,
+constexpr std::array<double, 12> series_c{0.0833333333333333333,   0.00138888888888888889,  0.0000330687830687830688,
+                                          8.2671957671957672e-7,   2.0876756987868099e-8,   5.28419013868749318e-10,
                                           1.33825365306846788e-11, 3.38968029632258287e-13, 8.58606205627784456e-15,
                                           2.17486869855806187e-16, 5.50900282836022952e-18, 1.39544646858125233e-19};
-constexpr std::array<double, 12> series_tau{0.125,                   0.00260416666666666667,  0.0000651041666666666667,
-                                            1.64698040674603175e-6,  4.17127390597442681e-8,  1.05658001064088304e-9,
-                                            2.67634394509530143e-11, 6.77925714781190394e-13, 1.7172058606100792e-14,
-                                            4.349733248883285e-16,   1.10180030298232058e-17, 2.79089277081232254e-19};
+constexpr std::array<double, 12> series_tau{0.125,
+                                            0.00260416666666666667,
+                                            0.0000651041666666666667,
+                                            1.64698040674603175e-6,
+                                            4.17127390597442681e-8,
+                                            1.05658001064088304e-9,
+                                            2.67634394509530143e-11,
+                                            6.77925714781190394e-13,
+                                            1.7172058606100792e-14,
+                                            4.349733248883285e-16,
+                                            1.10180030298232058e-17,
+                                            2.79089277081232254e-19};
 void sum_series(const std::array<double, 12>& a, double y, double& f, double& f1, double& f2) {
     f = f1 = f2 = 0;
     for (int i = static_cast<int>(a.size()) - 1; i >= 0; --i) {
@@ -120,7 +131,8 @@ Vector6 stacked(const Vec3<double>& a, const Vec3<double>& b) {
 }  // namespace
 
 void turn_by(const double* q, const double* phi, double part, double* out) {
-    const double square = part * part * (phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]), half = 0.5 * std::sqrt(square);
+    const double square = part * part * (phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]),
+                 half = 0.5 * std::sqrt(square);
     const double w = std::cos(half);
     const double f = part * (square < 1e-8 ? 0.5 - square / 48.0 : 0.5 * std::sin(half) / half);
     const double x = f * phi[0], y = f * phi[1], z = f * phi[2];
@@ -189,8 +201,8 @@ struct Moved {
         const Jets<6> p = lifted<6>(at), p_d = cross(p, d), p_p_d = cross(p, p_d);
         const Jets<6> change = d + cross(p, s) + c * p_p_d, xi = s + tau * p_d;
         const Jet<6> along = 2.0 * dot(p, change);  // of x^2
-        const Jets<6> twice = cross(change, s) + c * (cross(change, p_d) + cross(p, cross(change, d))) +
-                              (c1 * along) * p_p_d;
+        const Jets<6> twice =
+            cross(change, s) + c * (cross(change, p_d) + cross(p, cross(change, d))) + (c1 * along) * p_p_d;
         phi = p + change + 0.5 * twice;
         theta = xi + 0.5 * (tau * cross(change, d) + (tau1 * along) * p_d - first_change(xi, xi));
     }
@@ -231,8 +243,7 @@ Turning::Field Turning::field(const Vector6& w, const Vector6& g, const Vector6&
     const Jet<6> y = dot(at.phi, at.phi), c = y.of(c_, c1_, c2_), tau = y.of(tau_, tau1_, tau2_);
     const Jets<6> p_d = cross(at.phi, d);
     const Jets<6> theta_field = rates.solve(s + tau * p_d);
-    const Jets<6> nu_field =
-        rates.solve(d + cross(at.phi, s) + c * cross(at.phi, p_d) - rates.change(theta_field, nu));
+    const Jets<6> nu_field = rates.solve(d + cross(at.phi, s) + c * cross(at.phi, p_d) - rates.change(theta_field, nu));
     Field out{Matrix6(), weighted(theta_field, nu_field, g), weighted(at.theta, nu, h)};
     const Jet<6>* theta[3] = {&theta_field.x, &theta_field.y, &theta_field.z};
     const Jet<6>* rate[3] = {&nu_field.x, &nu_field.y, &nu_field.z};

@@ -29,7 +29,7 @@ namespace leastaction {
 
 // Unit quaternions, scalar first.
 void turn_by(const double* quaternion, const double* rotation_vector, double part, double* out);  // q exp(part phi)
-void rotation_between(const double* from, const double* to, double* out);                          // log(from^-1 to)
+void rotation_between(const double* from, const double* to, double* out);                         // log(from^-1 to)
 
 class Turning {
 public:
@@ -62,8 +62,8 @@ private:
 struct TurnedField {
     explicit TurnedField(const double* w) : w{w[0], w[1], w[2]} {}
     Vec3<double> w;
-    Eigen::Matrix3d slope() const;                            // X_u (J^-1 w), columns u
-    Eigen::Matrix3d bend(const Eigen::Vector3d& g) const;     // symmetric part of g.X_u X_v (J^-1 w)
+    Eigen::Matrix3d slope() const;                         // X_u (J^-1 w), columns u
+    Eigen::Matrix3d bend(const Eigen::Vector3d& g) const;  // symmetric part of g.X_u X_v (J^-1 w)
 };
 // g.X_u X_v theta about one place: u by rows, v by columns; and its symmetric part.
 Eigen::Matrix3d chart_bend(const Eigen::Vector3d& g);

@@ -61,7 +61,8 @@ namespace {
 
 // One joint, given that its parent is placed; s and c are the sine and cosine of q.
 template <class T>
-inline void place_one(const Joint& joint, const T& q, const T& s, const T& c, const T* all, int index, Placement<T>& out) {
+inline void place_one(const Joint& joint, const T& q, const T& s, const T& c, const T* all, int index,
+                      Placement<T>& out) {
     Pose<T>& pose = out.pose[index];
     if (joint.parent < 0) {
         const Mat3<double>& R = joint.base.R;

@@ -228,7 +228,8 @@ void MechanismBuilder::add_ball(int joint) {
         fits = of.simple && of.more.empty() && of.axis == static_cast<Axis>(j - joint) && of.variable < n_dynamic_ &&
                of.variable == joints_[joint].variable + j - joint && (j == joint || of.parent == j - 1);
     }
-    if (!fits) throw std::invalid_argument("a ball is three joints rx, ry, rz in a row, with dynamic variables in a row");
+    if (!fits)
+        throw std::invalid_argument("a ball is three joints rx, ry, rz in a row, with dynamic variables in a row");
     balls_.push_back(joint);
 }
 void MechanismBuilder::add_body(int joint, const Body& body) { bodies_.emplace_back(check_joint(joint), body); }

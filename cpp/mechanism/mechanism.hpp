@@ -68,10 +68,10 @@ public:
     Vec3<double> gravity;
     int gravity_slot = -1;  // where its three numbers are; -1: there is none
     int n_massive = 0;
-    std::vector<Body> bodies;    // by massive joint
-    std::vector<int> external;   // internal variable -> user's
-    std::vector<int> internal;   // user's variable -> internal
-    bool same_order = true;      // internal and user's order agree
+    std::vector<Body> bodies;   // by massive joint
+    std::vector<int> external;  // internal variable -> user's
+    std::vector<int> internal;  // user's variable -> internal
+    bool same_order = true;     // internal and user's order agree
     std::vector<Ball> balls;
     std::vector<int> places;     // internal variable -> the user's configuration, but for those of balls
     bool plain = true;           // the coordinate of every massive joint is a variable of its own

@@ -119,7 +119,7 @@ def simulate(
         most = as_number(energy_tolerance, "energy_tolerance", above=0.0)
         if law is not None:
             raise ArgumentError("energy_tolerance: got one and a feedback; it goes with inputs that are known before")
-        controls = Controls(m, times, forces, rho, u, start.q[m.nd :])
+        controls = Controls(m, times, forces, rho, u, start.q[m.nq - m.nrho :])
         times, u, stopped = refined(vi, vector_of(m, start), times, controls, most, progress)
         progress = None
     run = _Run(vi, times, vector_of(m, start), u)
