@@ -80,8 +80,8 @@ class Plan:
             index = builder.add_joint(joint.parent, joint.pose, joint.twist, variable[name], factor, offset)
             for name, factor in more:
                 builder.couple_joint(index, variable[name], factor)
-        for rotation in self.tree.rotations:
-            builder.add_ball(rotation.joint)
+        for ball in self.tree.rotations:
+            builder.add_ball(ball.joint)
         # What overflows is refused with the inertia that it makes.
         with np.errstate(over="ignore", invalid="ignore"):
             for joint_index, body, pose in self.tree.bodies():

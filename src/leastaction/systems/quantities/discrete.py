@@ -45,8 +45,8 @@ def quantity_of(mechanism: Mechanism, kind: str, t: Array, *, multipliers: bool)
     dt = np.diff(t)
     if kind == "rate":
         # Quaternions have no rates of their own: their angular velocities are none of the state.
-        names = [name for name in m.variables if name in m.coordinates]
-        return Rates(names, np.array([m.coordinates.index(name) for name in names], dtype=np.intp), dt)
+        moving = [name for name in m.variables if name in m.coordinates]
+        return Rates(moving, np.array([m.coordinates.index(name) for name in moving], dtype=np.intp), dt)
     if kind == "acceleration":
         return AccelerationQuantity(m, np.arange(m.nrho), dt)
     if kind == "tension":
