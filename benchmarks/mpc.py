@@ -162,9 +162,8 @@ def main() -> None:
     calls = parser.parse_args().calls
     found = unit.measure(0.5)
     share = 1.0 if isinstance(found, str) else found.best / unit.AT_DESIGN
-    print(
-        f"the unit: {found if isinstance(found, str) else f'{1e6 * found.best:.1f} us'}; times in ms by it, {calls} calls"
-    )
+    shown = found if isinstance(found, str) else f"{1e6 * found.best:.1f} us"
+    print(f"the unit: {shown}; times in ms by it, {calls} calls")
     tasks: list[Callable[[], Task]] = [cart, arm, marionette]
     for make in tasks:
         task = make()

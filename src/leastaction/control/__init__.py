@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from leastaction.control.kalman import Estimate, KalmanFilter
     from leastaction.control.many import ManyRuns, simulate_many
     from leastaction.control.monte_carlo import LoopBands, monte_carlo
+    from leastaction.control.moving_horizon import MovingHorizonEstimator
     from leastaction.control.predictive import MPC, PredictiveInfo
     from leastaction.control.sweeps import Failed, optimize_many, sweep
 else:
@@ -25,6 +26,7 @@ else:
             "leastaction.control.kalman": "Estimate KalmanFilter",
             "leastaction.control.many": "ManyRuns simulate_many",
             "leastaction.control.monte_carlo": "LoopBands monte_carlo",
+            "leastaction.control.moving_horizon": "MovingHorizonEstimator",
             "leastaction.control.predictive": "MPC PredictiveInfo",
             "leastaction.control.sweeps": "Failed optimize_many sweep",
         },
@@ -32,6 +34,6 @@ else:
 
 __all__ = [
     "MPC", "ClosedLoop", "CostSum", "Estimate", "Failed", "GaussNewton", "KalmanFilter", "LoopBands", "ManyRuns",
-    "PredictiveInfo", "SteadyGain", "close_loop", "lqe", "lqr", "monte_carlo", "optimize_many", "simulate_many",
-    "sweep", "tracking",
+    "MovingHorizonEstimator", "PredictiveInfo", "SteadyGain", "close_loop", "lqe", "lqr", "monte_carlo",
+    "optimize_many", "simulate_many", "sweep", "tracking",
 ]  # fmt: skip

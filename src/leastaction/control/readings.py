@@ -41,7 +41,7 @@ class Readings:
     """
 
     def __init__(self, system: System, measure: Measured) -> None:
-        self.nx = system.nx
+        self.nx, self.space = system.nx, system.charts()
         self._quantity: Quantity | None = None
         self._function: Callable[[Array], ArrayLike] | None = None
         self._matrix: Array | None = None
@@ -70,7 +70,12 @@ class Readings:
         return np.asarray(self._quantity.values(self._at(x, k))[0])
 
     def jacobian(self, x: Array, k: int = 0) -> Array:
-        """Return their derivatives (ny, nx)."""
+        """Return their derivatives (ny, ndx) by the directions in which a state moves."""
+        slopes = self._slopes(x, k)
+        return slopes if self.space is None else np.asarray(slopes @ self.space.plus_derivative(x))
+
+    def _slopes(self, x: Array, k: int) -> Array:
+        """Return their derivatives (ny, nx) by the numbers of a state."""
         if self._matrix is not None:
             return self._matrix
         if self._function is not None:
@@ -128,6 +133,24 @@ def covariance(spread: Spread, names: Sequence[str], what: str, *, definite: boo
     return _checked(given, what, definite=definite)
 
 
+def covariance_of_states(spread: Spread, system: System, what: str) -> Array:
+    """Return a covariance (ndx, ndx) of what a state of a system is off by; names are those of its entries.
+
+    Of states that are no plain vectors every direction counts for a name that moves an entry of that name.
+    """
+    names, space = system.state_names, system.charts()
+    if space is None or not isinstance(spread, Mapping):
+        count = names if space is None else tuple(f"dx[{i}]" for i in range(system.ndx))
+        return covariance(spread, count, what, definite=False)
+    deviations = np.zeros(system.ndx)
+    for name, value in spread.items():
+        places = matching(names, name)
+        if not places:
+            raise unknown("entry", name, names, what)
+        deviations[space.pattern[places].any(axis=0)] = value
+    return np.diag(deviations**2)
+
+
 def _checked(matrix: Array, what: str, *, definite: bool) -> Array:
     values = np.linalg.eigvalsh(matrix) if matrix.size else np.ones(1)
     if np.abs(matrix - matrix.T).max(initial=0.0) > 1e-9 * np.abs(matrix).max(initial=0.0):
@@ -143,12 +166,3 @@ def _checked(matrix: Array, what: str, *, definite: bool) -> Array:
 def step_of(system: DiscreteSystem, k: int) -> int:
     """Return which of a system's steps stands for step k: its last for all that come after its horizon."""
     return min(k, system.N - 1)
-
-
-def expect_vectors(system: System, what: str) -> None:
-    """Raise for a system whose states are no plain vectors, such as one with a rotation that is a quaternion."""
-    if system.charts() is not None:
-        raise ArgumentError(
-            f"{what}: not yet for a system whose states are no plain vectors, as {type(system).__name__} has here; "
-            "describe rotations by angles, axes='xyz'"
-        )
