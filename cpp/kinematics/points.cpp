@@ -110,10 +110,11 @@ inline void place_one(const Joint& joint, const T& q, const T& s, const T& c, co
         case Axis::tz:
             along(pose.R.c2);
             break;
-        case Axis::rx_of_ball:
-            turn_of_ball(all + joint.quaternion, s, c, pose, twist);
-            break;
         case Axis::screw: {
+            if (joint.quaternion >= 0) {
+                turn_of_ball(all + joint.quaternion, s, c, pose, twist);
+                break;
+            }
             const Vec3<T> w = pose.R * joint.twist.w;
             twist = {pose.R * joint.twist.v + cross(pose.p, w), w};
             move_along_screw(joint.twist, q, pose);

@@ -12,8 +12,7 @@
 
 namespace leastaction {
 
-// rx_of_ball: as rx, behind a rotation of the ball joint that it begins.
-enum class Axis { rx, ry, rz, tx, ty, tz, screw, rx_of_ball };
+enum class Axis { rx, ry, rz, tx, ty, tz, screw };
 
 // A configuration variable times a factor.
 struct Term {
@@ -33,7 +32,7 @@ struct Joint {
     Pose<double> base;
     Motion<double> twist;
     std::vector<Term> more;
-    int quaternion = -1;  // of rx_of_ball: where its four numbers stand in q, scalar first
+    int quaternion = -1;  // of rx of a ball, a screw here: where its four numbers stand in q, scalar first
 
     template <class T>
     T coordinate(const T* q) const {

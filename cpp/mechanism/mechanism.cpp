@@ -439,7 +439,7 @@ void MechanismBuilder::set_numbers(Mechanism& m) const {
         for (Term& term : joint.more) term.variable = m.internal[term.variable];
     }
     for (std::size_t b = 0; b < balls_.size(); ++b) {
-        m.joints[balls_[b]].axis = Axis::rx_of_ball;
+        m.joints[balls_[b]].axis = Axis::screw;
         m.joints[balls_[b]].quaternion = m.balls[b].quaternion;
     }
     m.bodies.assign(m.n_massive, Body{});

@@ -85,7 +85,7 @@ def test_free_body_keeps_its_momenta_through_its_flips() -> None:
     # Momenta are along the world's axes for slides, along the body's for turns.
     angular = rotation.apply(run.p[:, 3:].copy()) + np.cross(run.q[:, :3], run.p[:, :3])
     for kept in (run.p[:, :3], angular):
-        assert np.ptp(kept, axis=0).max() < 5e-12 * np.abs(angular).max()
+        assert np.ptp(kept, axis=0).max() < 1e-10 * np.abs(angular).max()
     middle = rotation.apply([0.0, 1.0, 0.0])[:, 1]
     assert middle.min() < -0.9
     assert middle.max() > 0.9
