@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from leastaction.errors import ArgumentError
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples, names_of
@@ -56,6 +57,7 @@ def quantity_of(mechanism: Mechanism, kind: str, t: Array, *, multipliers: bool)
     if kind == "acceleration":
         return AccelerationQuantity(m, np.arange(m.nrho), dt)
     if kind == ACROSS:
+        angles_only(m, ACROSS)
         return AccelerationsAcross(m, np.arange(m.nq), dt)
     if kind == "tension":
         return Tensions(m, Scaled.tensions(m, 1.0), dt)
