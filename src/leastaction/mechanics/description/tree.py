@@ -86,7 +86,7 @@ class BallAngles:
 
 
 @dataclass(frozen=True)
-class Rotation:
+class BallRotation:
     """The rotation of a `ball` or a `free` joint that is a unit quaternion.
 
     ``name``: name of the joint. ``variables``: of the angular velocity in the axes of the moved frame. ``joint``: the
@@ -121,14 +121,14 @@ class Tree:
     balls: tuple[BallAngles, ...]
 
     @cached_property
-    def rotations(self) -> tuple[Rotation, ...]:
+    def rotations(self) -> tuple[BallRotation, ...]:
         """The rotations that are quaternions, in the order of the tree."""
         found = []
         for group, indices in self.compositions:
             if group.axes != QUATERNION:
                 continue
             first, *_ = joints = [self.frames[index].joint for index in indices[-3:]]
-            found.append(Rotation(group.name, tuple(self.joints[i].variables[0] for i in joints), first))
+            found.append(BallRotation(group.name, tuple(self.joints[i].variables[0] for i in joints), first))
         return tuple(found)
 
     def coordinates(self, variables: Sequence[str]) -> tuple[str, ...]:
