@@ -188,6 +188,7 @@ class RememberingSystem(DiscreteSystem):
 
     @property
     def beside(self) -> Mapping[str, str]:  # type: ignore[override]
+        """Kinds of quantities that know names which another kind does not: those of the system."""
         return self.system.beside
 
     @property
