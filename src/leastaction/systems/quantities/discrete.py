@@ -10,8 +10,8 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
+from leastaction.optimal.looking_back import InputRates, LookingBack, Need
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples, names_of
-from leastaction.optimal.remembered.quantity import InputRates, LookingBack, Need
 from leastaction.systems.quantities.scaled import Scaled
 
 KINDS = ("input", "variable", "rate", "acceleration", "momentum", "multiplier", "tension", "state", "input rate")
