@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-from leastaction.io import Motion
 from leastaction.mechanics import Mechanism
 from leastaction.models.marionette import bars_of, held_strings, tie_strings
 from leastaction.optimal import OptimizationResult
@@ -15,9 +14,8 @@ from leastaction_marionette.tracking.found import Effort, TrackingRun, TrackingS
 from leastaction_marionette.tracking.limits import FIRST_KINDS, KINDS
 from leastaction_marionette.tracking.motors import search
 from leastaction_marionette.tracking.parts import found_in_parts
-from leastaction_marionette.tracking.plan import TrackingPlan
 from leastaction_marionette.tracking.ties import FIRM
-from leastaction_marionette.tracking.tracker import PATIENCE, Tracker, improved
+from leastaction_marionette.tracking.tracker import PATIENCE, Tracker, improved, slower
 
 Search = Callable[[Tracker], Tracker]
 
@@ -46,7 +44,7 @@ def on_one_bar(mechanism: Mechanism) -> bool:
 def _gone_on(tracker: Tracker, run: TrackingRun) -> Tracker:
     """Return a tracker where a run was."""
     effort = run.effort or Effort().plus(run.plan or run.result)
-    tracker = replace(tracker, kinds=run.kinds, effort=effort, earlier=run.unfinished or run.result)
+    tracker = replace(tracker, kinds=run.kinds, effort=effort, earlier=run.unfinished or run.result, grows=False)
     if run.embedded and run.unfinished is None:
         tracker = replace(tracker.planned(), earlier=run.plan)
         if tracker.ties is not None:
@@ -82,7 +80,8 @@ def _with_motors(tracker: Tracker, cut_short: TrackingSearch | None) -> Tracker:
     plan = tracker.plan
     assert plan is not None
     stage, before = (0, None) if cut_short is None else (cut_short.stage, cut_short.result)
-    coarse, slow = coarser(plan, tracker.motion)
+    slow = slower(tracker.motion)
+    coarse = plan if slow is tracker.motion else plan.following(slow)
     # A search that had to take the plan's own steps goes on with them.
     searched = plan if before is not None and len(before.u) == plan.system.N else coarse
     scale, keep = plan.system.N / searched.system.N, partial(_keep_search, tracker)
@@ -122,9 +121,3 @@ def _keep_search(tracker: Tracker, stage: int, found: OptimizationResult, effort
         ),
         at_once=at_once,
     )
-
-
-def coarser(plan: TrackingPlan, motion: Motion) -> tuple[TrackingPlan, Motion]:
-    """Return a plan with steps of twice the length, and its motion; those given where it has few, or long ones."""
-    slow = tying.slower(motion)
-    return (plan, motion) if slow is motion else (plan.following(slow), slow)

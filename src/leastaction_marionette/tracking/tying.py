@@ -14,14 +14,13 @@ from typing import Final
 import numpy as np
 
 from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
-from leastaction.io import Motion
 from leastaction.optimal import OptimizationResult, Status, optimize
 from leastaction_marionette.tracking.found import CUT_SHORT, STUCK, TrackingRun, TrackingSearch
 from leastaction_marionette.tracking.limits import KINDS
 from leastaction_marionette.tracking.plan import TrackingPlan
 from leastaction_marionette.tracking.poses import held_still
 from leastaction_marionette.tracking.ties import FIRM, LOOSE, Ties
-from leastaction_marionette.tracking.tracker import Tracker, improved
+from leastaction_marionette.tracking.tracker import Tracker, improved, slower
 
 # Iterations in which strings on bars are tied loosely; firmly, but the last time.
 _LEADING: Final = 60
@@ -30,8 +29,6 @@ _TOO_LOOSE: Final = 0.04  # m, by which strings on bars may not vary any more wh
 _SETTLED: Final = 1e-4  # m, by which they may vary to be settled (`settle.py`)
 _NEARLY: Final = 1e-3  # m, the same where they cannot be tied more firmly
 _FIRST: Final = 2  # times that strings are tied, that say nothing of the next
-_LONGEST: Final = 0.021  # s, of the steps with which a captured motion can be searched
-_FEW: Final = 100  # steps, for which a search with longer ones is not worth it
 _GROWS: Final = 4.0  # times what one adds to the cost does the next, where strings are not to be tied
 _GAINS_NOTHING: Final = 1.01  # times its cost is at most that of a minimum found before
 _NOT_TIED: Final = (
@@ -137,14 +134,6 @@ def gone_on(tracker: Tracker, search: TrackingSearch) -> Tracker:
     if tracker.ties is None:
         raise ArgumentError("resume: its strings are tied to bars, and those of the mechanism are not")
     return tracker.tied(search.firmness)
-
-
-def slower(motion: Motion) -> Motion:
-    """Return a motion with steps of twice the length; that given where it has few, or long ones."""
-    steps, dt = len(motion.t) - 1, float(motion.t[1] - motion.t[0])
-    if steps < _FEW or 2.0 * dt > _LONGEST:
-        return motion
-    return motion.resample(motion.duration / (steps // 2), duration=motion.duration)
 
 
 def _hung(plan: TrackingPlan) -> OptimizationResult:
