@@ -30,7 +30,7 @@ def begun(
     if isinstance(resume, TrackingRun):
         return _gone_on(tracker, resume), None
     hanging = tracker.problem.hang() if resume is None and not planned else None
-    return _sought(tracker, resume) if hanging is None else (replace(tracker, start=hanging), None)
+    return _sought(tracker, resume) if hanging is None else (replace(tracker, start=hanging, patience=PATIENCE), None)
 
 
 def on_one_bar(mechanism: Mechanism) -> bool:
