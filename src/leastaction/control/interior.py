@@ -25,6 +25,7 @@ from leastaction.optimal.discrete.hessians import ModelHessian
 from leastaction.optimal.discrete.linear_quadratic import Workspace, sweep_forward
 from leastaction.optimal.limits.cost import Jacobians, LimitedCost
 from leastaction.optimal.limits.sides import Sided
+from leastaction.optimal.quantity import Instants
 from leastaction.optimal.system import Linearization
 
 _INSIDE = 0.995  # part of the way to the nearest bound that a step may go
@@ -49,7 +50,7 @@ class WindowModel(NamedTuple):
 class InteriorPoint:
     """Where the interior point method ended.
 
-    ``dx`` (N+1, nx), ``du`` (N, nu): the changes. ``K`` (N, nu, nx): the gains of its last recursion, in the memory of
+    ``dx`` (N+1, ndx), ``du`` (N, nu): the changes. ``K`` (N, nu, ndx): the gains of its last recursion, in memory of
     the method. ``iterations``, ``converged``: how many there were, and whether these were enough. ``excess``: the
     largest violation of a limit to first order, in its scale.
     """
@@ -83,7 +84,7 @@ class _Slacks(NamedTuple):
 class InteriorProgram:
     """The method and its memory: slacks, excesses, multipliers and prices. Not for several threads.
 
-    ``limited``: the limits. ``sizes``: N, nx, nu. ``price``: of an excess of its scale, to begin with. ``scales``: of
+    ``limited``: the limits. ``sizes``: N, ndx, nu. ``price``: of an excess of its scale, to begin with. ``scales``: of
     all limits. ``magnitude``: of the cost, where it falls by nothing.
     """
 
@@ -94,6 +95,7 @@ class InteriorProgram:
         self.rho = price / scales
         self.work = Workspace(*sizes)
         self.kept: tuple[Array, Array, Array] | None = None  # s, e, y of the last instant
+        self._later: dict[int, Instants] = {}  # where what is so many steps later stands
 
     def solve(self, model: WindowModel, *, tolerance: float, most: int) -> InteriorPoint | None:
         """Return the solution, to within a tolerance relative to the cost's fall; None where there is no minimum."""
@@ -158,11 +160,17 @@ class InteriorProgram:
 
     def shift(self, steps: int) -> None:
         """Have slacks and multipliers go along with a horizon that has moved on."""
-        for flat in self.kept or ():
-            for side in Sided(flat, self.limited.layout):
+        if self.kept is None or not steps:
+            return
+        if steps not in self._later:
+            places = np.arange(self.limited.layout.ends[-1], dtype=np.float64)
+            for side in Sided(places, self.limited.layout):
                 by = min(steps, len(side) - 1)
                 if by > 0:
                     side[:-by] = side[by:].copy()
+            self._later[steps] = places.astype(np.intp)
+        s, e, y = (flat[self._later[steps]] for flat in self.kept)
+        self.kept = s, e, y
 
     def _free(self, model: WindowModel) -> InteriorPoint | None:
         """Return the solution where there are no limits."""

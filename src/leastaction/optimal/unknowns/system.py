@@ -191,6 +191,46 @@ class ExtendedSystem(DiscreteSystem):
 
         return Linearization(A, B, second, lin, self._pattern(lin, out))
 
+    def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
+        """Return the same of a curve, whose parameters and kept entries are those of its first state throughout."""
+        own, values, u = self.own(x), self.values(x[0]).copy(), u.copy()
+        system = self.at(values)
+        steps = np.stack([own[:-1], self.own(ends)], axis=1)
+        lin = system.linearize_each(own, u, steps[:, 1])
+        A, B = self._extended(lin.A, lin.B, self._by_each(system, steps, u))
+
+        def along(moved: Array) -> tuple[Array, Array, Array]:
+            near = self.near(moved)
+            moved_steps = np.stack([own[:-1], ends_of(near)], axis=1)
+            A, B = near.linearize_each(own, u, moved_steps[:, 1])
+            return A, B, self._by_each(near, moved_steps, u)
+
+        def ends_of(other: DiscreteSystem) -> Array:
+            return np.array([other.f(own[k], u[k], k) for k in range(self.N)])
+
+        def second(z: Array) -> Array:
+            weights = np.ascontiguousarray(z[:, : self.d_own])
+            exact, H, by_time = [], [], []
+            for k, (step, each) in enumerate(zip(steps, weights, strict=True)):
+                part = u[k : k + 1], each[None], k
+                exact.append(self._by_parameters(system, step, part[0], part[1], k))
+                found = self._by_final_time(system, step, *part)
+                H.append(found[0])
+                by_time.append(found[1])
+            whole = _together(H)
+            whole = lin.curvature(weights) if whole is None else whole
+            read = self._read_at(steps[:, 1], along, ends_of)
+            return self._second(whole, _together(by_time), values, read, weights, _together(exact))
+
+        return Linearization(A, B, second)
+
+    def _by_each(self, system: DiscreteSystem, steps: Array, u: Array) -> Array:
+        """Return derivatives (N, nx of the system, P) by the parameters of steps, given by both ends (N, 2, nx)."""
+        if not self.names:
+            return np.empty((len(u), self.d_own, 0))
+        found = [system.differentiate_by(step, u[k : k + 1], self.names, k) for k, step in enumerate(steps)]
+        return np.concatenate(found)
+
     def _pattern(self, own: Linearization, last: Linearization | None) -> npt.NDArray[np.bool_] | None:
         """Return which entries of ``[A B]`` may differ from zero, given the system's own, and the last one of this."""
         if own.pattern is None:
@@ -344,6 +384,12 @@ class ExtendedSystem(DiscreteSystem):
         if kind != "unknown":
             return self.system.quantity(kind)
         return Entries(self.names, range(self.n_own, self.at_copies), of_state=True)
+
+
+def _together(parts: list[Array | None]) -> Array | None:
+    """Return arrays of steps as one; None where there are none."""
+    known = [part for part in parts if part is not None]
+    return np.concatenate(known) if len(known) == len(parts) else None
 
 
 def stepped(at: Array, j: int, by: float | None = None) -> Array:
