@@ -5,17 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import Final
 
+from leastaction.errors import ProjectionError
 from leastaction.mechanics import Mechanism
 from leastaction.models.marionette import bars_of, held_strings, tie_strings
-from leastaction.optimal import OptimizationResult
+from leastaction.optimal import OptimizationResult, optimize
 from leastaction_marionette.tracking import tying
 from leastaction_marionette.tracking.found import Effort, TrackingRun, TrackingSearch
 from leastaction_marionette.tracking.limits import FIRST_KINDS, KINDS
 from leastaction_marionette.tracking.motors import search
 from leastaction_marionette.tracking.parts import found_in_parts
+from leastaction_marionette.tracking.plan import TrackingPlan
 from leastaction_marionette.tracking.ties import FIRM
-from leastaction_marionette.tracking.tracker import PATIENCE, Tracker, improved, slower
+from leastaction_marionette.tracking.tracker import PATIENCE, Curve, Tracker, improved, slower
+
+_LOST: Final = 2.0  # share of the cost with longer steps that a motion costs with its own where feedback has lost it
 
 Search = Callable[[Tracker], Tracker]
 
@@ -95,12 +100,23 @@ def _with_motors(tracker: Tracker, cut_short: TrackingSearch | None) -> Tracker:
         tracker = replace(tracker, slow=slow, plan=searched, problem=searched.problem)
     elif searched is not plan:
         fine = plan.finer(searched, x, u)
-        start = plan.inside(*fine, searched.cost().value(x, u) * scale)
+        expected = searched.cost().value(x, u) * scale
+        start = plan.inside(*fine, expected)
         # What feedback cannot follow is begun with gaps between its steps.
-        tracker = replace(tracker, start=start, shooting="multiple" if start[0] is fine[0] else "single")
+        followed = start[0] is not fine[0] or _is_followed(plan, start, _LOST * expected)
+        tracker = replace(tracker, start=start, shooting="single" if followed else "multiple")
     # What leads to strings that are tied had better lead to where they can be.
     broken = tracker.broken(tracker.start[0]) if isinstance(tracker.start, tuple) else frozenset[str]()
     return replace(tracker, kinds=frozenset(KINDS) if tracker.ties is not None else FIRST_KINDS | broken)
+
+
+def _is_followed(plan: TrackingPlan, start: Curve, most: float) -> bool:
+    """Whether feedback can follow a curve, to a motion that costs no more than that."""
+    try:
+        found = optimize(plan.system, plan.cost(), initial=start, shooting="single", max_iterations=0)
+    except ProjectionError:
+        return False
+    return found.cost <= most
 
 
 def _followed(part: Tracker) -> tuple[Tracker, OptimizationResult]:
