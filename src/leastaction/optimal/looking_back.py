@@ -10,7 +10,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
-from leastaction.optimal.quantity import Instants, Quantity, QuantityView, Samples
+from leastaction.optimal.quantity import Instants, Quantity, QuantityElsewhere, QuantityView, Samples
 
 Need = tuple[str, int]
 """What is remembered of the step before: ("input", i) what was applied, ("state", i) where it began."""
@@ -96,12 +96,15 @@ class InputRates(LookingBack):
         return np.asarray(0.5 * (self.times[at.k + 1] - self.times[at.k - 1])[:, None])
 
 
-class OwnQuantity(QuantityView):
+class OwnQuantity(QuantityElsewhere):
     """A quantity of a system, of the states (nx,) of one that remembers: its own come first."""
 
     def __init__(self, whole: Quantity, sizes: tuple[int, int, int]) -> None:
         super().__init__(whole)
         self.nx, self.ndx, self.nu = sizes
+
+    def instants(self, k: Instants) -> Instants:
+        return k
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002 - of the system that remembers
         n, more = self.ndx, nx - self.ndx
