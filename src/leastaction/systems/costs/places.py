@@ -54,7 +54,7 @@ class PlaceCost(CostOfConfigurations):
         self._frames = tuple(places)
         wanted, weighed = np.zeros((2, N + 1, len(places), 3))
         for i, (name, given) in enumerate(places.items()):
-            m.frame_pose(np.zeros(m.nq), name)  # an unknown name is an error here, not at the first step
+            m.frame_pose(m.configuration(), name)  # an unknown name is an error here, not at the first step
             place = as_wanted(given, f"places: {name!r}", (N + 1, 3), (3,))
             weight = as_number(weights.get(name, 1.0), f"weights: {name!r}", least=0.0)
             wanted[:, i], weighed[:, i] = np.nan_to_num(place), weight * ~np.isnan(place)
