@@ -311,7 +311,7 @@ def mechanism_scene(
     """
     times = as_array(t, "t", (None,))
     shape = (len(times), mechanism.nq)
-    motion = as_array(q, "q", shape, names=mechanism.variables)
+    motion = as_array(q, "q", shape, names=mechanism.coordinates)
     shown = tuple(_bars(mechanism, motion) if bones is None else bones)
     lines: tuple[Bone | Cord, ...] = (*shown, *cords)
     ends = [name for line in lines for name in (line.start, line.end)]
@@ -319,7 +319,7 @@ def mechanism_scene(
     ghost = None
     if reference is not None:
         body = [name for bone in shown for name in (bone.start, bone.end)]
-        ghost = _paths(mechanism, as_array(reference, "reference", shape, names=mechanism.variables), body)
+        ghost = _paths(mechanism, as_array(reference, "reference", shape, names=mechanism.coordinates), body)
     pulls = None
     if tension is not None:
         array = as_array(tension, "tension", (None, len(cords)), meaning="a pull of each cord")
