@@ -147,10 +147,10 @@ def optimize(
     known but no trajectories, such as the wanted motion with no inputs, and for motions that are unstable over a long
     time: there a projection leads far away. For discrete systems. A run that ends before the gaps are closed says so
     (`gap` of the result). Limits are softest meanwhile. "auto" tries gaps, but with `method` "auto" of a discrete
-    system without unknowns only, once, from the start, where that cannot be projected, where most of the first steps
-    had to be cut short (within limits, if the projection lost the start), where it is stuck within limits, or where it
-    takes long without. Where they do not close soon, it goes on from where it stood, which is the result meanwhile;
-    within limits from their projection.
+    system only, once, from the start, where that cannot be projected, where most of the first steps had to be cut short
+    (within limits, if the projection lost the start), where it is stuck within limits, or where it takes long without;
+    with unknowns at once, where the projection leaves the given curve. Where they do not close soon, it goes on from
+    where it stood, which is the result meanwhile; within limits from their projection.
 
     *Continuous time.* On a mesh (``collocate``, and wherever there are limits or a free start) there is one recursion
     over its pieces instead of equations for nx (nx + 1) / 2 entries of a Riccati matrix that are integrated in time:

@@ -260,9 +260,9 @@ class Optimizer:
             system, cost = extension.system, extension.cost
         else:
             rows = [row for limit in self.limits for row in limit.rows(system, 1 if free is False else 0)]
-        tries_gaps = settings.method == "auto" and settings.regulator == "descent" and self._extension is None
+        tries_gaps = settings.method == "auto" and settings.regulator == "descent"
         tries_gaps = tries_gaps and settings.shooting == "auto" and "gaps" not in settings.without
-        gapped: Gapped = "where needed" if tries_gaps else "never"
+        gapped: Gapped = "never" if not tries_gaps else "where needed" if self._extension is None else "where lost"
         gapped = "at once" if settings.shooting == "multiple" else gapped
         if rows:
             return LimitedProblem(system, cost, rows, settings, free, gapped, final_time)

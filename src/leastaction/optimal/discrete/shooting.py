@@ -46,12 +46,16 @@ from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.system import Linearization
 
-Gapped = Literal["never", "where needed", "at once"]
-"""When steps may have gaps: never; where the start cannot be projected, or the loop asks for them; from the start."""
+Gapped = Literal["never", "where needed", "where lost", "at once"]
+"""When steps may have gaps: never; where the start cannot be projected, or the loop asks for them; where its projection
+would leave it; from the start."""
 
 # Gap, in parts of the states' sizes, below which it is closed after a full step; iterations with gaps at the most; and
 # those where they take the place of a search that was stuck.
 _CLOSED, _LONGEST, _LONGEST_INSTEAD = 1e-6, 300, 100
+
+# Distance, in parts of the states' sizes, by which the projection of a curve has left it.
+_LEFT_BEHIND = 0.1
 
 # Factor in cost by which a projection has lost a curve, and iterations after which a search from there is a long one.
 _DEAR, _LONG_IF_LOST = 10.0, 100
@@ -108,12 +112,13 @@ class ShootingProblem(DiscreteProblem):
         x, u = given_start(self.system, initial)
         self.given = Start(x, u)
         failure: ProjectionError | None = None
-        if self.gapped == "where needed":
+        if self.gapped != "at once":
             try:
                 super().start((x, u))
-                lost = x.ndim == 2 and self.value > _DEAR * self.cost.value(x, u)
-                self.given = replace(self.given, is_lost=lost)
-                return
+                if not (self.gapped == "where lost" and self._has_left(x)):
+                    lost = x.ndim == 2 and self.value > _DEAR * self.cost.value(x, u)
+                    self.given = replace(self.given, is_lost=lost)
+                    return
             except ProjectionError as error:
                 failure = error
             self.forget()
@@ -125,6 +130,12 @@ class ShootingProblem(DiscreteProblem):
             super().start((x, u))
         elif failure is not None:
             self.note = f"begins with gaps between its steps, as a projection is not possible ({failure})"
+
+    def _has_left(self, x: Array) -> bool:
+        """Whether the projection of a start has left the curve that it is."""
+        return x.ndim == 2 and bool(
+            (np.abs(self.x - x).max(axis=0) > _LEFT_BEHIND * (1.0 + np.abs(x).max(axis=0))).any()
+        )
 
     def begin_with_gaps(self, *, brief: bool) -> bool:  # noqa: ARG002
         """Begin again with gaps between the steps, and return whether that can be done.
