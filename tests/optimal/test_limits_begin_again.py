@@ -41,6 +41,12 @@ from benchmarks.limits_cases import CASES
 from benchmarks.robustness_drawn import drawn
 from benchmarks.robustness_problems import PROBLEMS
 
+# Hard problems by few steps, for the search: shorter steps would have other minima.
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::leastaction.errors.CoarseStepWarning"),
+    pytest.mark.filterwarnings("ignore::leastaction.errors.EnergyBalanceWarning"),
+]
+
 
 def beginnings(notes: list[str]) -> list[str]:
     return [part for note in notes for part in note.split("; ") if part.startswith("began again")]

@@ -127,6 +127,12 @@ def optimize(
         What is no system, or not yet one; settings, shapes or values that are wrong, or an initial curve that
         cannot be projected.
 
+    Warns
+    -----
+    CoarseStepWarning, EnergyBalanceWarning
+        What was found stands on steps of time that `simulate` would call too coarse, or its energy and work do not
+        balance, so that shorter steps may have another minimum. The message says so too.
+
     Notes
     -----
     *Models.* ``method="auto"`` starts with quasi-Newton, stays with it while it foretells the cost well, and goes to
@@ -160,7 +166,7 @@ def optimize(
     optimizer = Optimizer(
         system, cost, limits, horizon=horizon, free_start=free_start, unknowns=unknowns, options=options, **settings
     )
-    return optimizer.run_once(initial, resume=resume, callback=callback)
+    return optimizer.run_once(initial, resume=resume, callback=callback, warn=True)
 
 
 def optimize_continuous(system: ContinuousSystem, cost: ContinuousCost, **options: Any) -> ContinuousOptimizationResult:

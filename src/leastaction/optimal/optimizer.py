@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
@@ -29,7 +30,7 @@ from leastaction.optimal.limits.limit import Limit, checked_limits
 from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.loop import Callback, Clock, Loop, Problem
 from leastaction.optimal.options import Options
-from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.system import check_system
 from leastaction.optimal.unknowns.extension import Extension, checked_unknowns
 from leastaction.optimal.unknowns.periodic import Periodic
@@ -123,16 +124,24 @@ class Optimizer:
         ArgumentError
             As of `optimize`.
         """
-        result = self.run_once(initial, resume=resume, callback=callback)
+        result = self.run_once(initial, resume=resume, callback=callback, warn=True)
         # The next run works where these stand.
         own = {name: read_only(getattr(result, name).copy()) for name in ("K", "projection_gain")}
         self.result = changed(result, **own)
         return self.result
 
     def run_once(
-        self, initial: Any = None, *, resume: OptimizationResult | None = None, callback: Callback | None = None
+        self,
+        initial: Any = None,
+        *,
+        resume: OptimizationResult | None = None,
+        callback: Callback | None = None,
+        warn: bool = False,
     ) -> OptimizationResult:
-        """Return what `run` does, for an optimiser that does not run again: gains stand in its own memory."""
+        """Return what `run` does, for an optimiser that does not run again: gains stand in its own memory.
+
+        ``warn``: whether to warn of what the message says against the motion, in the name of who called `optimize`.
+        """
         if (initial is None) == (resume is None):
             got = "neither" if initial is None else "both"
             raise ArgumentError(f"initial, resume: got {got}, expected one of them.")
@@ -168,7 +177,7 @@ class Optimizer:
                 problem.start(initial)
                 loop = Loop(problem, self.options, callback, ways=self.ways)
             result = loop.run()
-        return result if extension is None else extension.result(result)
+        return _doubted(result if extension is None else extension.result(result), warn=warn)
 
     def again(
         self,
@@ -286,6 +295,27 @@ class Optimizer:
         if self.limits or self.free_start is not False or settings.collocate:
             return CollocationProblem(system, cost, self.limits, settings, accuracy, self.horizon, self.free_start)
         return ContinuousProblem(system, cost, settings, accuracy, self.horizon)
+
+
+def optimized(system: Any, cost: Any, *, initial: Any = None, **stated: Any) -> OptimizationResult:
+    """Return what `optimize` does, without its warnings: for stages of something else."""
+    resume, callback = (stated.pop(name, None) for name in ("resume", "callback"))
+    return Optimizer(system, cost, **stated).run_once(initial, resume=resume, callback=callback)
+
+
+def _doubted(result: OptimizationResult, *, warn: bool) -> OptimizationResult:
+    """Return a result whose message says what speaks against the motion that was found, whatever its cost."""
+    # What is a minimum among resolved motions only says so itself.
+    if result.system is None or result.gap > 0.0 or result.status not in (Status.CONVERGED, Status.STALLED):
+        return result
+    doubts = result.system.doubts(result)
+    for doubt in doubts if warn else ():
+        warnings.warn(doubt, stacklevel=4)
+    return (
+        changed(result, message=" ".join([result.message, *(f"But {doubt}." for doubt in doubts)]))
+        if doubts
+        else result
+    )
 
 
 def _one_thread() -> AbstractContextManager[object]:

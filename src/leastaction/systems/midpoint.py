@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction._core import StepStatus
-from leastaction.errors import ArgumentError, InconsistentStartError, ProjectionError
+from leastaction.errors import (
+    ArgumentError,
+    CoarseStepWarning,
+    EnergyBalanceWarning,
+    InconsistentStartError,
+    ProjectionError,
+)
 from leastaction.mechanics.configuration.assembly import check_consistent, project_configuration
 from leastaction.mechanics.configuration.null_space import NullSpace
 from leastaction.mechanics.discrete.linearization import StepDerivatives, step_pattern
@@ -105,6 +111,14 @@ class MidpointSystem(DiscreteSystem):
 
     def motion(self, result: Any) -> Trajectory:
         return self.trajectory(result.x, result.u)
+
+    def doubts(self, result: Any) -> list[Warning]:
+        """Return that steps of time are coarse, or that energy and work do not balance, as `simulate` would warn."""
+        worst, found = result.worst_step, list[Warning]()
+        if worst is not None and worst.is_coarse:
+            found.append(CoarseStepWarning(str(worst)))
+        complaint = self.integrator.balance(self.motion(result)).complaint
+        return [*found, EnergyBalanceWarning(complaint)] if complaint else found
 
     def dataset(self, result: Any) -> Dataset:
         vi = self.integrator

@@ -1,0 +1,62 @@
+"""A minimum over motions that no shorter step of time would make: `optimize` says so, as `simulate` would."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+from leastaction.errors import CoarseStepWarning, EnergyBalanceWarning
+from leastaction.mechanics import Gravity, JointForce, Mechanism, MidpointVI, rx, tz
+from leastaction.optimal import Optimizer, QuadraticCost, Status, optimize
+from leastaction.systems import MidpointSystem
+
+Problem = tuple[MidpointSystem, QuadraticCost, tuple[np.ndarray, np.ndarray]]
+
+
+def thrown_up(N: int) -> Problem:
+    """An arm of two links is thrown up by cheap motors in 0.6 s, of N steps."""
+    m = Mechanism(
+        [rx("a"), [tz(-0.5, mass=1.0), tz(-0.5), [rx("b"), [tz(-0.5, mass=1.0)]]]],
+        [Gravity(), JointForce("a", input="u"), JointForce("b", input="w")],
+    )
+    system = MidpointSystem(MidpointVI(m, threads=1), np.linspace(0.0, 0.6, N + 1))
+    wanted = np.tile([3.0, -2.5, 0.0, 0.0], (N + 1, 1))
+    k = 12.0 / N
+    cost = QuadraticCost(wanted, np.zeros((N, 2)), Q=k * np.array([50.0, 50.0, 0.0, 0.0]), R=2 * [k * 1e-4])
+    return system, cost, (np.zeros(4), np.zeros((N, 2)))
+
+
+def test_a_minimum_on_coarse_steps_says_so() -> None:
+    system, cost, initial = thrown_up(6)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = optimize(system, cost, initial=initial)
+        once = len(caught)
+        again = Optimizer(system, cost).run(initial)
+    assert result.status is Status.CONVERGED
+    assert {each.category for each in caught[:once]} <= {CoarseStepWarning, EnergyBalanceWarning}
+    assert once == len(caught) - once > 0
+    assert all(each.filename == __file__ for each in caught)
+    # The message says what is warned of, and so does a simulation of it.
+    assert all(str(each.message) in result.message for each in caught[:once])
+    assert again.message == result.message
+    vi = system.integrator
+    with pytest.warns((CoarseStepWarning, EnergyBalanceWarning)):
+        run = vi.simulate(vi.start(result.x[0, :2]), system.t, inputs=result.u)
+    assert run.balance is not None
+    assert run.balance.complaint == vi.balance(result.trajectory).complaint
+
+
+def test_steps_that_are_short_enough_are_not_doubted() -> None:
+    """Warnings are errors here."""
+    system, cost, initial = thrown_up(240)
+    result = optimize(system, cost, initial=initial)
+    assert result.status is Status.CONVERGED
+    assert "But" not in result.message
+
+
+def test_a_run_that_found_nothing_yet_is_not_doubted() -> None:
+    system, cost, initial = thrown_up(6)
+    assert optimize(system, cost, initial=initial, max_iterations=2).status is Status.ITERATION_LIMIT
