@@ -7,9 +7,9 @@ import warnings
 import numpy as np
 import pytest
 
-from leastaction.errors import CoarseStepWarning, EnergyBalanceWarning
-from leastaction.mechanics import Gravity, JointForce, Mechanism, MidpointVI, rx, tz
-from leastaction.optimal import Optimizer, QuadraticCost, Status, optimize
+from leastaction.errors import CoarseStepWarning, EnergyBalanceWarning, ResidualWarning
+from leastaction.mechanics import Damping, Gravity, JointForce, JointSpring, Mechanism, MidpointVI, rx, tx, tz
+from leastaction.optimal import Optimizer, Parameter, QuadraticCost, Status, optimize
 from leastaction.systems import MidpointSystem
 
 Problem = tuple[MidpointSystem, QuadraticCost, tuple[np.ndarray, np.ndarray]]
@@ -60,3 +60,23 @@ def test_steps_that_are_short_enough_are_not_doubted() -> None:
 def test_a_run_that_found_nothing_yet_is_not_doubted() -> None:
     system, cost, initial = thrown_up(6)
     assert optimize(system, cost, initial=initial, max_iterations=2).status is Status.ITERATION_LIMIT
+
+
+def test_a_fit_that_misses_what_its_weights_say_is_told() -> None:
+    """Damping that the model does not have, where every place is known to 2 mm."""
+    t = np.linspace(0.0, 4.0, 161)
+    spring = JointSpring("x", 9.0, name="spring")
+    true = Mechanism([tx("x", mass=1.0)], [spring, Damping(0.5), JointForce("x", input="push")])
+    vi = MidpointVI(true)
+    run = vi.simulate(vi.start([0.2]), t)
+    for m, warns in ((true, False), (Mechanism([tx("x", mass=1.0)], [spring, JointForce("x", input="push")]), True)):
+        system = MidpointSystem(MidpointVI(m), t)
+        measured = run.x + np.r_[0.002, 0.0] * np.random.default_rng(0).normal(size=run.x.shape)
+        cost = QuadraticCost(measured, np.zeros((160, 1)), Q=[1.0 / 0.002**2, 0.0], R=[1e9])
+        asked = {"initial": (run.x[0], np.zeros((160, 1))), "unknowns": [Parameter("spring.stiffness", guess=8.0)]}
+        if warns:
+            with pytest.warns(ResidualWarning, match="times what the weights Q say"):
+                result = optimize(system, cost, **asked)
+            assert "times what the weights Q say" in result.message
+        else:
+            assert "weights" not in optimize(system, cost, **asked).message

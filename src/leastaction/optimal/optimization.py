@@ -132,6 +132,9 @@ def optimize(
     CoarseStepWarning, EnergyBalanceWarning
         What was found stands on steps of time that `simulate` would call too coarse, or its energy and work do not
         balance, so that shorter steps may have another minimum. The message says so too.
+    ResidualWarning
+        Parameters alone were fitted, without limits, and the states miss what is wanted by far more than
+        ``1 / sqrt(Q)``.
 
     Notes
     -----

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import ThreadpoolController
 
-from leastaction.errors import ArgumentError
+from leastaction.errors import ArgumentError, ResidualWarning
 from leastaction.numerics.arrays import as_array, as_count, read_only, require_instance
 from leastaction.numerics.frozen import changed
 from leastaction.optimal.accuracy import Accuracy
@@ -34,9 +34,11 @@ from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.system import check_system
 from leastaction.optimal.unknowns.extension import Extension, checked_unknowns
 from leastaction.optimal.unknowns.periodic import Periodic
-from leastaction.optimal.unknowns.unknown import Unknown
+from leastaction.optimal.unknowns.unknown import Parameter, Unknown
 from leastaction.optimal.ways import WAYS
 from leastaction.optimal.ways.resolved import resumed as resume_within
+
+_FAR_OFF = 3.0  # residuals of a fit, in standard deviations that its weights say, which are no noise
 
 
 class Optimizer:
@@ -177,7 +179,7 @@ class Optimizer:
                 problem.start(initial)
                 loop = Loop(problem, self.options, callback, ways=self.ways)
             result = loop.run()
-        return _doubted(result if extension is None else extension.result(result), warn=warn)
+        return self._doubted(result if extension is None else extension.result(result), warn=warn)
 
     def again(
         self,
@@ -221,6 +223,32 @@ class Optimizer:
             x = np.array(x)
             x[0] = as_array(x0, "x0", (system.nx,), meaning="(nx,)")
         return self.run(replace(last, x=read_only(np.array(x)), u=read_only(np.array(u))), callback=callback)
+
+    def _doubted(self, result: OptimizationResult, *, warn: bool) -> OptimizationResult:
+        """Return a result whose message says what speaks against the motion that was found, whatever its cost."""
+        # What is a minimum among resolved motions only says so itself.
+        if result.gap > 0.0 or result.status not in (Status.CONVERGED, Status.STALLED):
+            return result
+        doubts = [*([] if result.system is None else result.system.doubts(result)), *self._of_fit(result)]
+        for doubt in doubts if warn else ():
+            warnings.warn(doubt, stacklevel=4)
+        said = [result.message, *(f"But {doubt}." for doubt in doubts)]
+        return changed(result, message=" ".join(said)) if doubts else result
+
+    def _of_fit(self, result: OptimizationResult) -> list[Warning]:
+        """Return that a fit of parameters, which nothing limits, is far off what its weights say of the noise."""
+        fitted = [each for each in self.unknowns if isinstance(each, Parameter)]
+        if not fitted or len(fitted) < len(self.unknowns) or self.limits or not isinstance(self.cost, Cost):
+            return []
+        missed = self.cost.misfit(result.x)
+        if missed is None or missed <= _FAR_OFF:
+            return []
+        return [
+            ResidualWarning(
+                f"the states miss what is wanted by {missed:.3g} times what the weights Q say, as one over the "
+                "variance of noise: the model misses something, or the minimum is a poor one"
+            )
+        ]
 
     # ---- The problem ------------------------------------------------------------------------------
 
@@ -301,21 +329,6 @@ def optimized(system: Any, cost: Any, *, initial: Any = None, **stated: Any) -> 
     """Return what `optimize` does, without its warnings: for stages of something else."""
     resume, callback = (stated.pop(name, None) for name in ("resume", "callback"))
     return Optimizer(system, cost, **stated).run_once(initial, resume=resume, callback=callback)
-
-
-def _doubted(result: OptimizationResult, *, warn: bool) -> OptimizationResult:
-    """Return a result whose message says what speaks against the motion that was found, whatever its cost."""
-    # What is a minimum among resolved motions only says so itself.
-    if result.system is None or result.gap > 0.0 or result.status not in (Status.CONVERGED, Status.STALLED):
-        return result
-    doubts = result.system.doubts(result)
-    for doubt in doubts if warn else ():
-        warnings.warn(doubt, stacklevel=4)
-    return (
-        changed(result, message=" ".join([result.message, *(f"But {doubt}." for doubt in doubts)]))
-        if doubts
-        else result
-    )
 
 
 def _one_thread() -> AbstractContextManager[object]:
