@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import leastaction as la
+from leastaction.identification import Experiment, identify
 from leastaction.viz import save_png
 
 # In truth; the last is where the bob is along y (m).
@@ -26,17 +27,17 @@ CART = la.Mechanism(  # as it is guessed
 )
 
 
-def measure() -> la.Experiment:
+def measure() -> Experiment:
     """Return what is measured of the motion of the true one."""
     vi, rng = la.MidpointVI(CART.with_parameters(TRUTH)), np.random.default_rng(2012)
     run = vi.simulate(vi.start([0.0, 0.4]), T, inputs=PUSH[:-1, None])
     measured = {name: run[name] + sigma * rng.standard_normal(len(T)) for name, sigma in NOISE.items()}
-    return la.Experiment(T, measured, NOISE, inputs={"push": PUSH[:-1]})
+    return Experiment(T, measured, NOISE, inputs={"push": PUSH[:-1]})
 
 
 def main(output: Path) -> None:
     """Identify, print and draw."""
-    found = la.identify(CART, measure(), list(TRUTH))
+    found = identify(CART, measure(), list(TRUTH))
     print(found)
     for name, truth in TRUTH.items():
         print(

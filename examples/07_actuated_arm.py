@@ -41,7 +41,7 @@ def wave(t: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def solve() -> dict[str, la.Trajectory | la.ContinuousTrajectory]:
     """Return the motions under the law in both kinds of time."""
     m = arm()
-    dynamics, vi = la.ContinuousDynamics(m), la.MidpointVI(m)
+    dynamics, vi = la.mechanics.ContinuousDynamics(m), la.MidpointVI(m)
 
     def slopes(t: float) -> tuple[np.ndarray, np.ndarray]:
         q, v, _ = wave(t)

@@ -39,7 +39,7 @@ def solve() -> dict[str, la.OptimizationResult]:
     q = hang(system.mechanism, ANIMATION[0])
     rest = np.r_[system.integrator.start(q).x, 0.0], np.tile(q[2:], (system.N, 1))
     free = la.optimize(system, cost, initial=rest)
-    smooth = la.SmoothCost(cost, system, {"string-*": 1e-3})
+    smooth = la.costs.SmoothCost(cost, system, {"string-*": 1e-3})
     calm = la.optimize(system, smooth, initial=free)
     limits = [la.Bound("string", min=0.2, of="tension")]
     pulled = la.optimize(system, smooth, initial=calm, limits=limits)

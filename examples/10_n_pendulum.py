@@ -16,7 +16,7 @@ from leastaction.models.chain import pendulum_chain
 from leastaction.viz import plot_energy, plot_poses, save_png
 
 
-def chain(links: int) -> tuple[la.MidpointVI, la.State]:
+def chain(links: int) -> tuple[la.MidpointVI, la.mechanics.State]:
     """Return a chain of 2 m and 2 kg, and its start: level and at rest."""
     vi = la.MidpointVI(pendulum_chain(links, length=2.0 / links, mass=2.0 / links, inertia=(1e-4, 1e-4, 1e-4)))
     return vi, vi.start(np.r_[np.pi / 2.0, np.zeros(links - 1)])

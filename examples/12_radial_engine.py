@@ -23,12 +23,18 @@ CRANK, ROD, PISTONS = 0.05, 0.2, [f"piston{k}" for k in range(5)]  # m
 def engine() -> la.Mechanism:
     """Return the engine in the x-y plane: one degree of freedom, five loops."""
     tree: list[object] = [la.rz("crank", mass=4.0, inertia=(0.2, 0.2, 0.4)), [la.tx(CRANK, name="pin", mass=0.8)]]
-    elements: list[object] = [la.NonlinearDamping("crank", (0.0, 2.5e-4)), la.Damping(dict.fromkeys(PISTONS, 8.0))]
+    elements: list[object] = [
+        la.elements.NonlinearDamping("crank", (0.0, 2.5e-4)),
+        la.Damping(dict.fromkeys(PISTONS, 8.0)),
+    ]
     for k, piston in enumerate(PISTONS):
         tree += [la.rz(2.0 * np.pi * k / 5), [la.tx(piston, name=piston, mass=0.4)]]
         fires = 4 * sympy.pi * (3 * k % 5) / 5 + 0.25  # angle of the crank: in the order 0, 2, 4, 1, 3
-        pulse = sympy.exp(60 * (sympy.cos((la.variable("crank") - fires) / 2) - 1))
-        elements += [la.Distance("pin", piston, ROD, name=f"rod{k}"), la.ExpressionForce(-4000 * pulse, piston)]
+        pulse = sympy.exp(60 * (sympy.cos((la.expressions.variable("crank") - fires) / 2) - 1))
+        elements += [
+            la.elements.Distance("pin", piston, ROD, name=f"rod{k}"),
+            la.elements.ExpressionForce(-4000 * pulse, piston),
+        ]
     return la.Mechanism(tree, elements)
 
 

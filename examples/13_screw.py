@@ -28,7 +28,8 @@ NUTS = {
         [la.tz(PITCH * la.var("angle")), [la.rz(la.var("angle"), **NUT)]], ELEMENTS
     ),
     "two variables and a constraint": la.Mechanism(
-        [la.tz("z"), [la.rz("angle", **NUT)]], [*ELEMENTS, la.Coupling({"z": 1.0, "angle": -PITCH}, name="thread")]
+        [la.tz("z"), [la.rz("angle", **NUT)]],
+        [*ELEMENTS, la.elements.Coupling({"z": 1.0, "angle": -PITCH}, name="thread")],
     ),
 }
 

@@ -19,8 +19,8 @@ MASS = 0.3
 # Measured on a buckled leaf: it pushes back at both ends and to the sides from the middle.
 PLACES = np.linspace(-0.06, 0.06, 13)
 FORCES = np.array([-10.5, -5.2, -1.6, 0.4, 1.3, 1.0, 0.0, -1.0, -1.3, -0.2, 2.2, 6.4, 12.6])
-SPRING = la.Curve(PLACES, FORCES)  # four derivatives are continuous
-LEAF = la.Mechanism([la.tx("x", mass=MASS)], [la.NonlinearSpring("x", SPRING, name="leaf")])
+SPRING = la.elements.Curve(PLACES, FORCES)  # four derivatives are continuous
+LEAF = la.Mechanism([la.tx("x", mass=MASS)], [la.elements.NonlinearSpring("x", SPRING, name="leaf")])
 STARTS = (0.035, 0.045, 0.055)
 T = 1e-3 * np.arange(5001)
 

@@ -38,9 +38,9 @@ ELEMENTS = [
     la.Damping({"joint1": 2e-3, "joint2": 1e-3, "knot.x": 0.5, "knot.y": 0.5}),
     la.JointSpring("joint1", 0.04, rest=1.2),
     la.JointSpring("joint2", 0.02, rest=1.0),
-    la.TendonForce(["muscle", "knot"], "pull"),
-    la.ElasticString(SLIP, 8e3, 0.031, smoothing=3e-4, name="slip"),  # as long as on the straight finger (m)
-    la.ElasticString(BAND, 4e3, 0.058, smoothing=3e-4, name="band"),
+    la.elements.TendonForce(["muscle", "knot"], "pull"),
+    la.elements.ElasticString(SLIP, 8e3, 0.031, smoothing=3e-4, name="slip"),  # as long as on the straight finger (m)
+    la.elements.ElasticString(BAND, 4e3, 0.058, smoothing=3e-4, name="band"),
 ]
 
 

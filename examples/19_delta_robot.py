@@ -18,7 +18,7 @@ import leastaction as la
 FILE = Path(__file__).parent / "models" / "delta.xml"
 
 
-def solve() -> tuple[la.Followed, la.Trajectory]:
+def solve() -> tuple[la.starts.Followed, la.Trajectory]:
     """Return the motion that follows a path over an obstacle, and the same made anew from its torques alone."""
     model = la.load(FILE)
     m, vi = model.mechanism, la.MidpointVI(model.mechanism)
@@ -33,7 +33,7 @@ def solve() -> tuple[la.Followed, la.Trajectory]:
     return found, vi.simulate(start, t, inputs=found.trajectory.inputs)
 
 
-def main(output: Path) -> tuple[la.Followed, la.Trajectory]:
+def main(output: Path) -> tuple[la.starts.Followed, la.Trajectory]:
     """Solve, print and draw."""
     found, again = solve()
     m = again.mechanism

@@ -17,7 +17,7 @@ import leastaction as la
 FILE = Path(__file__).parent / "models" / "stewart.xml"
 
 
-def solve() -> tuple[la.Followed, la.Trajectory]:
+def solve() -> tuple[la.starts.Followed, la.Trajectory]:
     """Return the motion that is nearest to what is wanted, and the same made anew from its forces alone."""
     model = la.load(FILE)
     m, vi = model.mechanism, la.MidpointVI(model.mechanism)
@@ -38,7 +38,7 @@ def solve() -> tuple[la.Followed, la.Trajectory]:
     return found, vi.simulate(start, t, inputs=found.trajectory.inputs)
 
 
-def main(output: Path) -> tuple[la.Followed, la.Trajectory]:
+def main(output: Path) -> tuple[la.starts.Followed, la.Trajectory]:
     """Solve, print and draw."""
     found, again = solve()
     m = again.mechanism

@@ -9,8 +9,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from leastaction_marionette import load_run, marionette_scene
 from leastaction.viz import plot_snapshots, save_png
+from leastaction_marionette import load_run, marionette_scene
 
 # One cycle of the walk.
 TIMES = (2.2, 2.45, 2.65, 2.95, 3.2, 3.45, 3.65)

@@ -2,7 +2,12 @@
 
 Describe a mechanism (`Mechanism`), simulate it (`MidpointVI`), steer it (`MidpointSystem`, `optimize`). The same in
 continuous time: `simulate`, `MechanismSystem`, `optimize_continuous`.
-See it (`show`). Ready mechanisms are in `leastaction.models`, files in `leastaction.io`, pictures in `leastaction.viz`.
+See it (`show`).
+
+What most users need has its name here. By topics there is more in `leastaction.elements`, `leastaction.expressions`,
+`leastaction.limits`, `leastaction.costs`, `leastaction.starts` and `leastaction.control`. Ready mechanisms are in
+`leastaction.models`, files in `leastaction.io`, pictures in `leastaction.viz`; everything else that is public in
+`leastaction.mechanics`, `leastaction.optimal`, `leastaction.systems` and `leastaction.errors`.
 """
 
 from __future__ import annotations
@@ -14,70 +19,23 @@ from leastaction._version import __version__
 
 if TYPE_CHECKING:
     from leastaction.errors import LeastActionError
-    from leastaction.identification import Experiment, Identification, identify
     from leastaction.io import open, read_motion  # noqa: A004 - as `gzip.open` is
     from leastaction.io.mechanisms import load
     from leastaction.mechanics import (
-        Armature,
-        Baumgarte,
         Body,
-        BodyWrench,
-        ContinuousDynamics,
         ContinuousTrajectory,
-        CoulombFriction,
-        Coupling,
-        Curve,
         Damping,
-        Distance,
-        Drag,
-        ElasticString,
-        Event,
-        ExpressionConstraint,
-        ExpressionForce,
-        ExpressionPotential,
-        Feedback,
-        FixedOrientation,
         Gravity,
-        HingeLoop,
-        HybridWrench,
-        IntegrationStatus,
-        InverseSquareGravity,
         JointForce,
         JointSpring,
-        LinearDamper,
-        LinearMotor,
         LinearSpring,
         Mechanism,
         MidpointVI,
-        Motor,
-        NonlinearDamping,
-        NonlinearSpring,
-        PathLength,
-        PointOnLine,
-        PointOnPlane,
         PointToPoint,
-        PolynomialCoupling,
-        PrescribedMotion,
-        PrescribedPath,
-        Projection,
-        PythonConstraint,
-        PythonForce,
-        PythonFunction,
-        PythonPotential,
-        Servo,
-        SimulationStatus,
-        SpatialWrench,
-        State,
-        TapeMeasure,
-        TendonForce,
-        TorsionalSpring,
         Trajectory,
         ball,
-        check_consistent,
         equilibrium,
         free,
-        gain_to_continuous,
-        gain_to_discrete,
         pose,
         prismatic,
         project_configuration,
@@ -88,8 +46,6 @@ if TYPE_CHECKING:
         rz,
         screw,
         simulate,
-        to_continuous,
-        to_discrete,
         to_momentum,
         to_velocity,
         twist,
@@ -100,61 +56,27 @@ if TYPE_CHECKING:
         var,
         world,
     )
-    from leastaction.mechanics.expressions import (
-        coordinate,
-        direction,
-        distance,
-        input_,
-        parameter,
-        point,
-        rate,
-        speed,
-        unit_vector,
-        variable,
-    )
     from leastaction.optimal import (
         Bound,
         Equal,
-        FinalTime,
-        FunctionQuantity,
         IterationTable,
         OptimizationResult,
-        Parameter,
-        Periodic,
         QuadraticCost,
-        StageRecord,
-        StageTable,
-        StartResult,
-        StartStatus,
         Status,
         Within,
-        coarse_to_fine,
-        continuation,
         controllability,
         optimize,
         optimize_continuous,
-        receding_horizon,
         regulate,
     )
-    from leastaction.optimal.continuous import ContinuousQuadraticCost, regulate_continuous, steady_state_regulator
+    from leastaction.optimal.continuous import ContinuousQuadraticCost, regulate_continuous
     from leastaction.systems import (
-        Ball,
-        Box,
-        Followed,
-        HalfSpace,
-        Keep,
         MechanismSystem,
         MidpointSystem,
-        PlaceCost,
-        Played,
         Rig,
-        SmoothCost,
-        by_tensions,
         check_derivatives,
-        embed,
         follow,
         play,
-        relax,
         warm_start,
     )
     from leastaction.viz import show
@@ -163,180 +85,65 @@ else:
         __name__,
         {
             "leastaction.errors": "LeastActionError",
-            "leastaction.identification": "Experiment Identification identify",
             "leastaction.io": "open read_motion",
             "leastaction.io.mechanisms": "load",
             "leastaction.mechanics": (
-                "Armature Baumgarte Body BodyWrench ContinuousDynamics ContinuousTrajectory CoulombFriction Coupling "
-                "Curve Damping Distance Drag ElasticString Event ExpressionConstraint ExpressionForce "
-                "ExpressionPotential Feedback FixedOrientation Gravity HingeLoop HybridWrench IntegrationStatus "
-                "InverseSquareGravity JointForce JointSpring LinearDamper LinearMotor LinearSpring Mechanism "
-                "MidpointVI Motor NonlinearDamping NonlinearSpring PathLength PointOnLine PointOnPlane PointToPoint "
-                "PolynomialCoupling PrescribedMotion PrescribedPath Projection PythonConstraint PythonForce "
-                "PythonFunction PythonPotential Servo SimulationStatus SpatialWrench State TapeMeasure TendonForce "
-                "TorsionalSpring Trajectory ball check_consistent equilibrium free gain_to_continuous "
-                "gain_to_discrete pose prismatic project_configuration project_velocity revolute rx ry rz screw "
-                "simulate to_continuous to_discrete to_momentum to_velocity twist tx ty tz universal var world"
-            ),
-            "leastaction.mechanics.expressions": (
-                "coordinate direction distance input_ parameter point rate speed unit_vector variable"
+                "Body ContinuousTrajectory Damping Gravity JointForce JointSpring LinearSpring Mechanism MidpointVI "
+                "PointToPoint Trajectory ball equilibrium free pose prismatic project_configuration "
+                "project_velocity revolute rx ry rz screw simulate to_momentum to_velocity twist tx ty tz universal "
+                "var world"
             ),
             "leastaction.optimal": (
-                "Bound Equal FinalTime FunctionQuantity IterationTable OptimizationResult Parameter Periodic "
-                "QuadraticCost StageRecord StageTable StartResult StartStatus Status Within coarse_to_fine "
-                "continuation controllability optimize optimize_continuous receding_horizon regulate"
+                "Bound Equal IterationTable OptimizationResult QuadraticCost Status Within controllability optimize "
+                "optimize_continuous regulate"
             ),
-            "leastaction.optimal.continuous": "ContinuousQuadraticCost regulate_continuous steady_state_regulator",
-            "leastaction.systems": (
-                "Ball Box Followed HalfSpace Keep MechanismSystem MidpointSystem PlaceCost Played Rig SmoothCost "
-                "by_tensions check_derivatives embed follow play relax warm_start"
-            ),
+            "leastaction.optimal.continuous": "ContinuousQuadraticCost regulate_continuous",
+            "leastaction.systems": "MechanismSystem MidpointSystem Rig check_derivatives follow play warm_start",
             "leastaction.viz": "show",
+        },
+        # Names that have moved: they are found here too, but not offered.
+        moved={
+            "leastaction.elements": (
+                "Armature BodyWrench CoulombFriction Coupling Curve Distance Drag ElasticString "
+                "ExpressionConstraint ExpressionForce ExpressionPotential FixedOrientation HingeLoop HybridWrench "
+                "InverseSquareGravity LinearDamper LinearMotor Motor NonlinearDamping NonlinearSpring PathLength "
+                "PointOnLine PointOnPlane PolynomialCoupling PrescribedPath PythonConstraint PythonForce "
+                "PythonFunction PythonPotential Servo SpatialWrench TendonForce TorsionalSpring"
+            ),
+            "leastaction.expressions": (
+                "coordinate direction distance input_ parameter point rate speed unit_vector variable"
+            ),
+            "leastaction.limits": "Ball Box FinalTime FunctionQuantity HalfSpace Keep Parameter Periodic",
+            "leastaction.costs": "PlaceCost SmoothCost",
+            "leastaction.starts": (
+                "Followed StageRecord StageTable StartResult StartStatus by_tensions coarse_to_fine continuation "
+                "embed receding_horizon relax"
+            ),
+            "leastaction.mechanics": (
+                "Baumgarte ContinuousDynamics Event Feedback IntegrationStatus PrescribedMotion Projection "
+                "SimulationStatus State TapeMeasure check_consistent gain_to_continuous gain_to_discrete "
+                "to_continuous to_discrete"
+            ),
+            "leastaction.optimal": "steady_state_regulator",
+            "leastaction.systems": "Played",
         },
     )
 
-__all__ = [
-    "Armature",
-    "Ball",
-    "Baumgarte",
-    "Body",
-    "BodyWrench",
-    "Bound",
-    "Box",
-    "ContinuousDynamics",
-    "ContinuousQuadraticCost",
-    "ContinuousTrajectory",
-    "CoulombFriction",
-    "Coupling",
-    "Curve",
-    "Damping",
-    "Distance",
-    "Drag",
-    "ElasticString",
-    "Equal",
-    "Event",
-    "Experiment",
-    "ExpressionConstraint",
-    "ExpressionForce",
-    "ExpressionPotential",
-    "Feedback",
-    "FinalTime",
-    "FixedOrientation",
-    "Followed",
-    "FunctionQuantity",
-    "Gravity",
-    "HalfSpace",
-    "HingeLoop",
-    "HybridWrench",
-    "Identification",
-    "IntegrationStatus",
-    "InverseSquareGravity",
-    "IterationTable",
-    "JointForce",
-    "JointSpring",
-    "Keep",
-    "LeastActionError",
-    "LinearDamper",
-    "LinearMotor",
-    "LinearSpring",
-    "Mechanism",
-    "MechanismSystem",
-    "MidpointSystem",
-    "MidpointVI",
-    "Motor",
-    "NonlinearDamping",
-    "NonlinearSpring",
-    "OptimizationResult",
-    "Parameter",
-    "PathLength",
-    "Periodic",
-    "PlaceCost",
-    "Played",
-    "PointOnLine",
-    "PointOnPlane",
-    "PointToPoint",
-    "PolynomialCoupling",
-    "PrescribedMotion",
-    "PrescribedPath",
-    "Projection",
-    "PythonConstraint",
-    "PythonForce",
-    "PythonFunction",
-    "PythonPotential",
-    "QuadraticCost",
-    "Rig",
-    "Servo",
-    "SimulationStatus",
-    "SmoothCost",
-    "SpatialWrench",
-    "StageRecord",
-    "StageTable",
-    "StartResult",
-    "StartStatus",
-    "State",
-    "Status",
-    "TapeMeasure",
-    "TendonForce",
-    "TorsionalSpring",
-    "Trajectory",
-    "Within",
-    "__version__",
-    "ball",
-    "by_tensions",
-    "check_consistent",
-    "check_derivatives",
-    "coarse_to_fine",
-    "continuation",
-    "controllability",
-    "coordinate",
-    "direction",
-    "distance",
-    "embed",
-    "equilibrium",
-    "follow",
-    "free",
-    "gain_to_continuous",
-    "gain_to_discrete",
-    "identify",
-    "input_",
-    "load",
-    "open",
-    "optimize",
-    "optimize_continuous",
-    "parameter",
-    "play",
-    "point",
-    "pose",
-    "prismatic",
-    "project_configuration",
-    "project_velocity",
-    "rate",
-    "read_motion",
-    "receding_horizon",
-    "regulate",
-    "regulate_continuous",
-    "relax",
-    "revolute",
-    "rx",
-    "ry",
-    "rz",
-    "screw",
-    "show",
-    "simulate",
-    "speed",
-    "steady_state_regulator",
-    "to_continuous",
-    "to_discrete",
-    "to_momentum",
-    "to_velocity",
-    "twist",
-    "tx",
-    "ty",
-    "tz",
-    "unit_vector",
-    "universal",
-    "var",
-    "variable",
-    "warm_start",
-    "world",
+__all__ = [  # noqa: RUF022 - by topics
+    # Describe a mechanism
+    "Body", "Mechanism", "ball", "free", "pose", "prismatic", "revolute", "rx", "ry", "rz", "screw", "twist", "tx",
+    "ty", "tz", "universal", "var", "world",
+    # What acts on nearly every mechanism; all elements are in `elements`, symbols in `expressions`
+    "Damping", "Gravity", "JointForce", "JointSpring", "LinearSpring", "PointToPoint",
+    # Put it together, and let it move
+    "ContinuousTrajectory", "MidpointVI", "Trajectory", "equilibrium", "project_configuration", "project_velocity",
+    "simulate", "to_momentum", "to_velocity",
+    # Steer it; more is in `costs`, `limits`, `starts` and `control`
+    "Bound", "ContinuousQuadraticCost", "Equal", "IterationTable", "MechanismSystem", "MidpointSystem",
+    "OptimizationResult", "QuadraticCost", "Status", "Within", "check_derivatives", "controllability", "follow",
+    "optimize", "optimize_continuous", "regulate", "regulate_continuous", "warm_start",
+    # Try it on a machine, look at it, keep it
+    "Rig", "load", "open", "play", "read_motion", "show",
+    # What can go wrong, and what this is
+    "LeastActionError", "__version__",
 ]  # fmt: skip

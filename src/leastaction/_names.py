@@ -6,19 +6,25 @@ import sys
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from importlib.util import find_spec
+from types import MappingProxyType
 from typing import Any
 
 
-def lazily(package: str, modules: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+def lazily(
+    package: str, modules: Mapping[str, str], *, moved: Mapping[str, str] = MappingProxyType({})
+) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Return ``__getattr__`` and ``__dir__`` of a package: names by the module that has them, separated by spaces.
 
-    The package's own modules are names too, as if they had been imported.
+    The package's own modules are names too, as if they had been imported. ``moved`` are names that have another place
+    now: they are still found, and not listed.
     """
-    where = {name: module for module, names in modules.items() for name in names.split()}
+    offered = {name: module for module, names in modules.items() for name in names.split()}
+    hidden = {name: module for module, names in moved.items() for name in names.split()}
 
     def __getattr__(name: str) -> Any:
-        if name in where:
-            value = getattr(import_module(where[name]), name)
+        module = offered.get(name) or hidden.get(name)
+        if module is not None:
+            value = getattr(import_module(module), name)
         elif not name.startswith("_") and find_spec(f"{package}.{name}") is not None:
             value = import_module(f"{package}.{name}")
         else:
@@ -27,6 +33,6 @@ def lazily(package: str, modules: Mapping[str, str]) -> tuple[Callable[[str], An
         return value
 
     def __dir__() -> list[str]:
-        return sorted({*vars(sys.modules[package]), *where})
+        return sorted({*vars(sys.modules[package]), *offered}.difference(hidden))
 
     return __getattr__, __dir__

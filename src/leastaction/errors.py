@@ -172,6 +172,20 @@ class ModelFileError(LeastActionError, ValueError):
         self.line = line
 
 
+class SweepError(LeastActionError):
+    """A sweep ended before all was done: its worker processes died. What was done is kept.
+
+    Attributes
+    ----------
+    done : dict[int, Any]
+        Results by the number of their value.
+    """
+
+    def __init__(self, message: str, *, done: Mapping[int, Any]) -> None:
+        super().__init__(message)
+        self.done = dict(done)
+
+
 class OutputError(LeastActionError, OSError):
     """A result cannot be written where it was asked for."""
 

@@ -13,9 +13,8 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.models.marionette import held_strings, string_lengths
-from leastaction.numerics.arrays import Array
-from leastaction.numerics.frozen import Frozen
-from leastaction.viz.figures import BLUE, ORANGE, new_figure, styled
+from leastaction.numerics import Array, Frozen
+from leastaction.viz import BLUE, ORANGE, new_figure, styled
 from leastaction_marionette.markers import MARKERS
 from leastaction_marionette.tracking.found import TrackingRun, held_error
 from leastaction_marionette.tracking.limits import PuppetLimits

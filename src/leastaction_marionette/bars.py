@@ -8,8 +8,8 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.models.marionette import bars_of
-from leastaction.numerics.arrays import Array
-from leastaction.viz.figures import GREY, new_figure, styled
+from leastaction.numerics import Array
+from leastaction.viz import GREY, new_figure, styled
 from leastaction_marionette.tracking.found import TrackingRun
 from leastaction_marionette.tracking.limits import PuppetLimits, pelvis_of
 

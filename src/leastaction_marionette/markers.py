@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from leastaction.mechanics import Mechanism
-from leastaction.numerics.arrays import Array
-from leastaction.viz.figures import new_figure, styled
+from leastaction.numerics import Array
+from leastaction.viz import new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from leastaction.io.motion.motion import Motion
+    from leastaction.io import Motion
 
 PELVIS: Final = "pelvis"
 LIMB_MARKERS: Final[Mapping[str, str]] = MappingProxyType(

@@ -11,8 +11,8 @@ import numpy as np
 
 from leastaction.mechanics import Mechanism
 from leastaction.models.marionette import PuppetString, bars_of, strings_of
-from leastaction.numerics.arrays import Array
-from leastaction.viz.scene import Bone, Cord, Scene, mechanism_scene
+from leastaction.numerics import Array
+from leastaction.viz import Bone, Cord, Scene, mechanism_scene
 from leastaction_marionette.retargeting.skeleton import LIMBS, limb_variables
 from leastaction_marionette.tracking.found import TrackingRun
 from leastaction_marionette.tracking.problem import ROOT

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.io.motion.motion import Motion
-from leastaction.numerics.arrays import as_number
-from leastaction.viz.figures import BLUE, GREY, PALE, VERMILION, new_figure, styled
+from leastaction.io import Motion
+from leastaction.numerics import as_number
+from leastaction.viz import BLUE, GREY, PALE, VERMILION, new_figure, styled
 from leastaction_marionette.scene import marionette_scene
 from leastaction_marionette.tracking import TrackingRun
 

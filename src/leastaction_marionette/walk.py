@@ -13,9 +13,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.io.motion.motion import Motion, count_steps
+from leastaction.io import Motion, count_steps
 from leastaction.models.marionette import REST
-from leastaction.numerics.arrays import Array, as_number, smooth_rise
+from leastaction.numerics import Array, as_number, smooth_rise
 from leastaction_marionette.retargeting.skeleton import VARIABLES, Proportions
 
 # A shin of the marionette about its knee: mass times lever 1.5 kg 0.2 m, inertia about the knee

@@ -11,7 +11,7 @@ import numpy as np
 import sympy
 
 import leastaction as la
-from leastaction import optimal
+from leastaction import costs, elements, optimal, starts
 from leastaction.optimal import continuous
 
 
@@ -116,6 +116,10 @@ def system() -> la.MidpointSystem:
 def cost() -> la.QuadraticCost:
     s = system()
     return la.QuadraticCost(np.ones((s.N + 1, s.nx)), np.zeros((s.N, s.nu)), Q=np.ones(s.nx), R=np.eye(s.nu))
+
+
+def along() -> tuple[np.ndarray, np.ndarray]:
+    return np.zeros((system().N + 1, system().nx)), np.zeros((system().N, system().nu))
 
 
 @cache
@@ -257,7 +261,7 @@ PUBLIC: dict[str, Callable[[], Any]] = {
     "Trajectory": trajectory,
     "Within": lambda: la.Within(la.FunctionQuantity("height", height), max=2.0),
 }
-"""By the names in ``leastaction.__all__``."""
+"""By their names: of the root, and those that it still finds though they have moved."""
 
 OTHERS: dict[str, Callable[[], Any]] = {
     "limited result": limited,
@@ -274,7 +278,6 @@ OTHERS: dict[str, Callable[[], Any]] = {
     "Frame": lambda: la.pose(translation=[1.0, 0.0, 0.0], name="f", mass=1.0),
     "FunctionContinuousSystem": oscillating,
     "FunctionSystem": lambda: optimal.FunctionSystem(oscillator, nx=2, nu=1, N=5, derivatives="finite-differences"),
-    "HelpedCost": lambda: optimal.HelpedCost(cost(), np.array([0]), np.array([2.0])),
     "LinearSystem": lambda: optimal.LinearSystem(np.ones((5, 2, 2)), np.ones((5, 2, 1))),
     "Step": lambda: integrator().step(start(), 0.01),
     "an expression": lambda: la.direction("bob", "x")[0] * la.speed("x"),
@@ -282,6 +285,13 @@ OTHERS: dict[str, Callable[[], Any]] = {
     "WindowSystem": lambda: optimal.WindowSystem(system(), 1, 3),
     "a description": lambda: [la.tx("x"), [la.rz({"x": 2.0}, offset=0.1)]],
     "DescriptionError": lambda: la.errors.DescriptionError("what was given"),
+    "CostGradient": lambda: cost().gradient(*along()),
+    "FunctionReport": lambda: elements.check_function(Square(), np.array([0.3, 0.2])),
+    "HelpedCost": lambda: starts.HelpedCost(cost(), np.array([0]), np.array([2.0])),
+    "LimitReport": lambda: limited().limits,
+    "LimitState": lambda: limited().limits.sides[0],
+    "RateGradient": lambda: costs.RateGradient(np.ones((3, 2)), np.zeros((3, 1))),
+    "RateHessian": lambda: costs.RateHessian(np.ones((3, 2, 2)), np.zeros((3, 1, 1)), None),
     "StepError": lambda: la.errors.StepError("no solution", t=1.0, residuals={"x": 1.0}, iteration=3, state=start()),
 }
 """What the public functions return and take besides."""

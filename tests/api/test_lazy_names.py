@@ -31,7 +31,7 @@ def stated(package: str) -> tuple[dict[str, set[str]], dict[str, set[str]], set[
     tree = ast.parse(files(package).joinpath("__init__.py").read_text("utf-8"))
     [branches] = [node for node in tree.body if isinstance(node, ast.If)]
     seen = {node.module: {a.name for a in node.names} for node in branches.body if isinstance(node, ast.ImportFrom)}
-    [table] = [node for node in ast.walk(ast.Module(branches.orelse, [])) if isinstance(node, ast.Dict)]
+    table, *_ = [node for node in ast.walk(ast.Module(branches.orelse, [])) if isinstance(node, ast.Dict)]
     modules: dict[str, str] = ast.literal_eval(table)
     at_once = {a.name for node in tree.body if isinstance(node, ast.ImportFrom) for a in node.names}
     return seen, {module: set(names.split()) for module, names in modules.items()}, at_once  # type: ignore[return-value]
@@ -63,6 +63,19 @@ def test_star_import_and_dir_have_every_name(package: str) -> None:
     module = importlib.import_module(package)
     assert set(module.__all__) <= set(names)
     assert fresh(f"import {package} as p; print(set(p.__all__) <= set(dir(p)))").strip() == "True"
+
+
+def test_names_that_have_moved_are_found_and_not_listed() -> None:
+    tree = ast.parse(files("leastaction").joinpath("__init__.py").read_text("utf-8"))
+    [moved] = [node.value for node in ast.walk(tree) if isinstance(node, ast.keyword) and node.arg == "moved"]
+    where: dict[str, str] = ast.literal_eval(moved)
+    assert sum(len(names.split()) for names in where.values()) > 70
+    for place, names in where.items():
+        for name in names.split():
+            assert name in importlib.import_module(place).__all__, f"{name} is no public name of {place}"
+            assert getattr(leastaction, name) is getattr(importlib.import_module(place), name)
+            assert name not in leastaction.__all__
+            assert name not in dir(leastaction)
 
 
 def test_missing_name_is_an_attribute_error_that_names_it() -> None:

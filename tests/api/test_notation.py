@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 import leastaction
+from api.modules import NAMESPACES
 from leastaction import _core, mechanics, optimal
 from leastaction.mechanics import elements, expressions
 
@@ -62,7 +63,7 @@ def cpp() -> str:
 def public() -> dict[str, Any]:
     """The classes and functions that the packages offer, by name."""
     found = {}
-    for module in (leastaction, mechanics, elements, expressions, optimal, leastaction.systems):
+    for module in (*NAMESPACES, mechanics, elements, expressions, optimal, leastaction.systems):
         offered = getattr(module, "__all__", None) or vars(module)
         found |= {name: getattr(module, name) for name in offered if not name.startswith("_")}
     return found

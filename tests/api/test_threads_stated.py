@@ -9,6 +9,7 @@ import inspect
 import pytest
 
 import leastaction
+from api.modules import public_names
 from leastaction import mechanics, optimal
 
 
@@ -23,7 +24,13 @@ def cannot_change(cls: type) -> bool:
     return frozen or issubclass(cls, (enum.Enum, tuple, Exception))
 
 
-PLAIN = {name: it for name, it in classes(leastaction).items() if not issubclass(it, (enum.Enum, Exception))}
+PLAIN = {
+    name: it
+    for name, it in public_names().items()
+    if inspect.isclass(it) and not issubclass(it, (enum.Enum, Exception))
+    # Of the topics too, and of what has moved there from the root.
+    if hasattr(leastaction, name) or not cannot_change(it)
+}
 ELSEWHERE = {
     name: it
     for module in (mechanics, optimal)

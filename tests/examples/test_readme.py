@@ -54,11 +54,11 @@ def test_what_it_points_to_exists() -> None:
 
 
 def test_the_commands_it_names_exist() -> None:
-    from leastaction.apps.cli.app import app
+    from leastaction.apps.cli.app import program
 
     commands = set(re.findall(r"(?:`|bin/)leastaction ([a-z]+) ", README))
     assert commands >= {"demo", "optimize", "info", "draw", "examples", "view", "simulate", "lqr", "check", "convert"}
-    assert commands <= set(app)
+    assert commands <= set(program())
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     for target in set(re.findall(r"(?:^|`)make ([a-z]+)", README, re.MULTILINE)):
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target

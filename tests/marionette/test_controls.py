@@ -37,6 +37,8 @@ from leastaction.optimal import (
     Bound,
     CostGradient,
     OptimizationResult,
+    PricedLimit,
+    PricedLimits,
     QuadraticCost,
     Status,
     check_derivatives,
@@ -71,7 +73,6 @@ from leastaction_marionette.tracking.files import _mechanism
 from leastaction_marionette.tracking.limits import pelvis_of
 from leastaction_marionette.tracking.pace import Pace
 from leastaction_marionette.tracking.plan import TrackingPlan
-from leastaction_marionette.tracking.priced_limits import PricedLimit, PricedLimits
 from leastaction_marionette.tracking.problem import TrackingProblem, unheld
 from leastaction_marionette.tracking.ties import FIRM
 from leastaction_marionette.tracking.tracker import Tracker

@@ -27,6 +27,7 @@ from leastaction.optimal import (
     check_derivatives,
     optimize,
 )
+from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.quantity import Samples
 from leastaction.optimal.unknowns.extension import Extension
 from leastaction.optimal.unknowns.system import ExtendedSystem
@@ -261,6 +262,30 @@ def test_a_pendulum_on_a_cart_by_hand(rng: np.random.Generator) -> None:
     places = [*range(4), *(4 + j for j in elements), 11]
     # The mechanism has its own values of the others, as the whole system does here.
     np.testing.assert_allclose(found, second[np.ix_(places, places)], atol=1e-12 * np.abs(second).max())
+
+
+@pytest.mark.parametrize("names", [["spring.stiffness"], ["tip.mass", "spring.stiffness"], ["final time"], []])
+def test_steps_of_a_curve_with_gaps_are_differentiated_together(
+    names: list[str], rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As one by one, and without a mechanism for every step."""
+    own, x, u = moving("springs", "symmetric", False)
+    parameters = own.parameters
+    system = ExtendedSystem(own, names, [0], free_start=True)
+    y = system.extended(x, np.array([parameters[name] for name in names]))
+    y[1:, : own.nx] += rng.uniform(-0.01, 0.01, (len(x) - 1, own.nx))
+    ends = system.step_each(y, u).x
+    one_by_one = DiscreteSystem.linearize_each(system, y, u, ends)
+    z = rng.uniform(-1.0, 1.0, (system.N, system.nx))
+    wanted = one_by_one.curvature(z)
+    made = []
+    with_parameters = la.Mechanism.with_parameters
+    monkeypatch.setattr(la.Mechanism, "with_parameters", lambda *a, **k: made.append(1) or with_parameters(*a, **k))
+    together = system.linearize_each(y, u, ends)
+    np.testing.assert_allclose(together.A, one_by_one.A, atol=1e-13)
+    np.testing.assert_allclose(together.B, one_by_one.B, atol=1e-13)
+    np.testing.assert_allclose(together.curvature(z), wanted, atol=1e-7 * np.abs(wanted).max())
+    assert len(made) <= 1 + 4 * len(names)
 
 
 def slide(N: int, T: float = 3.0) -> MidpointSystem:

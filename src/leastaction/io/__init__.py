@@ -8,6 +8,8 @@ from leastaction.io.motion import (
     Joint,
     Markers,
     Motion,
+    axis_rotation,
+    count_steps,
     forward_kinematics,
     read_amc,
     read_bvh,
@@ -16,6 +18,8 @@ from leastaction.io.motion import (
     read_motion,
 )
 from leastaction.io.results import (
+    Provenance,
+    check_result,
     load_record,
     load_result,
     open,  # noqa: A004 - as `gzip.open` is
@@ -29,6 +33,10 @@ __all__ = [
     "Joint",
     "Markers",
     "Motion",
+    "Provenance",
+    "axis_rotation",
+    "check_result",
+    "count_steps",
     "forward_kinematics",
     "load_record",
     "load_result",

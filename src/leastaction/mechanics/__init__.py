@@ -93,6 +93,7 @@ if TYPE_CHECKING:
     from leastaction.mechanics.mechanism.mechanism import Mechanism
     from leastaction.mechanics.mechanism.queries.function_derivatives import FunctionDerivatives
     from leastaction.mechanics.mechanism.queries.masses import Energy
+    from leastaction.mechanics.mechanism.queries.moved_points import MovedPoints
     from leastaction.mechanics.mechanism.tape_measure import TapeMeasure
     from leastaction.numerics.curve import Curve
 else:
@@ -105,7 +106,7 @@ else:
             "leastaction.mechanics.configuration.contradiction": "Contradiction find_contradiction",
             "leastaction.mechanics.configuration.equilibrium": "Equilibrium Stability equilibrium",
             "leastaction.mechanics.continuous.acceleration": (
-                "AccelerationDerivatives Accelerations AccelerationTensors"
+                "AccelerationDerivatives AccelerationTensors Accelerations"
             ),
             "leastaction.mechanics.continuous.dynamics": "ContinuousDynamics",
             "leastaction.mechanics.continuous.events": "Event EventRecord",
@@ -130,16 +131,18 @@ else:
             "leastaction.mechanics.discrete.step_sensitivity": "StepSensitivity momentum_by",
             "leastaction.mechanics.discrete.trajectory": "SimulationStatus State Trajectory",
             "leastaction.mechanics.elements": (
-                "Armature BodyWrench Constraint CoulombFriction Coupling Damping Distance Drag ElasticString Element "
-                "ExpressionConstraint ExpressionForce ExpressionPotential FixedOrientation Force FunctionReport "
-                "Gravity HingeLoop HybridWrench InverseSquareGravity JointForce JointSpring LinearDamper LinearMotor "
-                "LinearSpring Motor NonlinearDamping NonlinearSpring PathLength PointOnLine PointOnPlane PointToPoint "
-                "PolynomialCoupling Potential PrescribedPath PythonConstraint PythonForce PythonFunction "
-                "PythonPotential Servo SpatialWrench TendonForce TorsionalSpring Wrench check_function"
+                "Armature BodyWrench Constraint CoulombFriction Coupling Damping Distance Drag ElasticString "
+                "Element ExpressionConstraint ExpressionForce ExpressionPotential FixedOrientation Force "
+                "FunctionReport Gravity HingeLoop HybridWrench InverseSquareGravity JointForce JointSpring "
+                "LinearDamper LinearMotor LinearSpring Motor NonlinearDamping NonlinearSpring PathLength "
+                "PointOnLine PointOnPlane PointToPoint PolynomialCoupling Potential PrescribedPath PythonConstraint "
+                "PythonForce PythonFunction PythonPotential Servo SpatialWrench TendonForce TorsionalSpring Wrench "
+                "check_function"
             ),
             "leastaction.mechanics.mechanism.mechanism": "Mechanism",
             "leastaction.mechanics.mechanism.queries.function_derivatives": "FunctionDerivatives",
             "leastaction.mechanics.mechanism.queries.masses": "Energy",
+            "leastaction.mechanics.mechanism.queries.moved_points": "MovedPoints",
             "leastaction.mechanics.mechanism.tape_measure": "TapeMeasure",
             "leastaction.numerics.curve": "Curve",
         },
@@ -153,14 +156,14 @@ __all__ = [
     "EventRecord", "ExpressionConstraint", "ExpressionForce", "ExpressionPotential", "Feedback", "FixedOrientation",
     "Force", "Frame", "FunctionDerivatives", "FunctionReport", "Gravity", "HingeLoop", "HybridWrench",
     "IntegrationStatus", "InverseSquareGravity", "JointForce", "JointSpring", "LinearDamper", "LinearMotor",
-    "LinearSpring", "Mechanism", "MidpointVI", "Motor", "NonlinearDamping", "NonlinearSpring", "PathLength",
-    "PointOnLine", "PointOnPlane", "PointToPoint", "PolynomialCoupling", "Potential", "PrescribedMotion",
-    "PrescribedPath", "Projection", "PythonConstraint", "PythonForce", "PythonFunction", "PythonPotential",
-    "Sensitivity", "Servo", "SimulationStatus", "SpatialWrench", "Stability", "State", "Step", "StepDerivatives",
-    "StepSensitivity", "StepTensors", "TapeMeasure", "TendonForce", "TorsionalSpring", "Trajectory",
-    "VelocityProjection", "Wrench", "ball", "check_consistent", "check_function", "equilibrium",
+    "LinearSpring", "Mechanism", "MidpointVI", "Motor", "MovedPoints", "NonlinearDamping", "NonlinearSpring",
+    "PathLength", "PointOnLine", "PointOnPlane", "PointToPoint", "PolynomialCoupling", "Potential",
+    "PrescribedMotion", "PrescribedPath", "Projection", "PythonConstraint", "PythonForce", "PythonFunction",
+    "PythonPotential", "Sensitivity", "Servo", "SimulationStatus", "SpatialWrench", "Stability", "State", "Step",
+    "StepDerivatives", "StepSensitivity", "StepTensors", "TapeMeasure", "TendonForce", "TorsionalSpring",
+    "Trajectory", "VelocityProjection", "Wrench", "ball", "check_consistent", "check_function", "equilibrium",
     "find_contradiction", "free", "gain_to_continuous", "gain_to_discrete", "legendre_jacobian", "momentum_by",
     "pose", "prismatic", "project_configuration", "project_velocity", "revolute", "rx", "ry", "rz", "screw",
-    "simulate", "to_continuous", "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz",
-    "universal", "var", "world",
+    "simulate", "to_continuous", "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz", "universal",
+    "var", "world",
 ]  # fmt: skip

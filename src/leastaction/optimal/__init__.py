@@ -33,7 +33,7 @@ if TYPE_CHECKING:
         steady_state_regulator,
     )
     from leastaction.optimal.discrete.controllability import Controllability, ControllabilityWindow, controllability
-    from leastaction.optimal.discrete.cost import Cost, CostGradient, QuadraticCost, WindowCost
+    from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient, QuadraticCost, WindowCost
     from leastaction.optimal.discrete.function_system import FunctionSystem, LinearSystem
     from leastaction.optimal.discrete.hessians import CostHessian, HessianPart, ModelHessian
     from leastaction.optimal.discrete.linear_quadratic import (
@@ -43,15 +43,18 @@ if TYPE_CHECKING:
         solve_linear_quadratic,
         sweep_forward,
     )
-    from leastaction.optimal.discrete.projection import ProjectionOperator
+    from leastaction.optimal.discrete.projection import ProjectionOperator, linearize_along_curve
     from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, WindowSystem
     from leastaction.optimal.limit_report import LimitReport, LimitState
     from leastaction.optimal.limits.limit import Bound, Equal, Limit, Within
+    from leastaction.optimal.limits.priced import PricedLimit, PricedLimits
+    from leastaction.optimal.loop import Callback
     from leastaction.optimal.optimization import optimize, optimize_continuous
     from leastaction.optimal.optimizer import Optimizer
-    from leastaction.optimal.options import Options
+    from leastaction.optimal.options import Method, Options, Shooting
     from leastaction.optimal.quantity import Entries, FunctionQuantity, Quantity
     from leastaction.optimal.result import IterationRecord, OptimizationHistory, OptimizationResult, Status
+    from leastaction.optimal.space import ProductSpace, Rotations, StateSpace, Vectors
     from leastaction.optimal.starts.coarse_to_fine import coarse_to_fine, resample
     from leastaction.optimal.starts.continuation import continuation
     from leastaction.optimal.starts.help import HelpedCost
@@ -74,21 +77,24 @@ else:
                 "regulate_continuous solve_continuous_linear_quadratic steady_state_regulator"
             ),
             "leastaction.optimal.discrete.controllability": "Controllability ControllabilityWindow controllability",
-            "leastaction.optimal.discrete.cost": "Cost CostGradient QuadraticCost WindowCost",
+            "leastaction.optimal.discrete.cost": "AddedCost Cost CostGradient QuadraticCost WindowCost",
             "leastaction.optimal.discrete.function_system": "FunctionSystem LinearSystem",
             "leastaction.optimal.discrete.hessians": "CostHessian HessianPart ModelHessian",
             "leastaction.optimal.discrete.linear_quadratic": (
                 "LinearQuadraticSolution adjoint regulate solve_linear_quadratic sweep_forward"
             ),
-            "leastaction.optimal.discrete.projection": "ProjectionOperator",
+            "leastaction.optimal.discrete.projection": "ProjectionOperator linearize_along_curve",
             "leastaction.optimal.discrete.system": "DiscreteSystem Rollout WindowSystem",
             "leastaction.optimal.limit_report": "LimitReport LimitState",
             "leastaction.optimal.limits.limit": "Bound Equal Limit Within",
+            "leastaction.optimal.limits.priced": "PricedLimit PricedLimits",
+            "leastaction.optimal.loop": "Callback",
             "leastaction.optimal.optimization": "optimize optimize_continuous",
             "leastaction.optimal.optimizer": "Optimizer",
-            "leastaction.optimal.options": "Options",
+            "leastaction.optimal.options": "Method Options Shooting",
             "leastaction.optimal.quantity": "Entries FunctionQuantity Quantity",
             "leastaction.optimal.result": "IterationRecord OptimizationHistory OptimizationResult Status",
+            "leastaction.optimal.space": "ProductSpace Rotations StateSpace Vectors",
             "leastaction.optimal.starts.coarse_to_fine": "coarse_to_fine resample",
             "leastaction.optimal.starts.continuation": "continuation",
             "leastaction.optimal.starts.help": "HelpedCost",
@@ -102,17 +108,18 @@ else:
     )
 
 __all__ = [
-    "Accuracy", "Bound", "ContinuousCost", "ContinuousLinearQuadraticSolution", "ContinuousOptimizationResult",
-    "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout", "ContinuousSystem", "Controllability",
-    "ControllabilityWindow", "Cost", "CostAlong", "CostGradient", "CostHessian", "DenseTrajectory",
-    "DerivativeReport", "DiscreteSystem", "Entries", "Equal", "FinalTime", "FunctionContinuousSystem",
-    "FunctionQuantity", "FunctionSystem", "HelpedCost", "HessianPart", "IterationRecord", "IterationTable", "Limit",
-    "LimitReport", "LimitState", "LinearContinuousSystem", "LinearQuadraticSolution", "LinearSystem",
-    "Linearization", "ModelHessian", "OptimizationHistory", "OptimizationResult", "Optimizer", "Options",
-    "Parameter", "Periodic", "PiecewisePolynomial", "ProjectionOperator", "QuadraticCost", "Quantity", "RateGradient",
-    "RateHessian", "Rollout", "StageRecord", "StageTable", "StartResult", "StartStatus", "Status", "Unknown",
-    "WindowCost", "WindowSystem", "Within", "adjoint", "check_derivatives", "coarse_to_fine", "continuation",
-    "controllability", "cost_along", "optimize", "optimize_continuous", "receding_horizon", "regulate",
-    "regulate_continuous", "resample", "solve_continuous_linear_quadratic", "solve_linear_quadratic",
-    "steady_state_regulator", "sweep_forward",
+    "Accuracy", "AddedCost", "Bound", "Callback", "ContinuousCost", "ContinuousLinearQuadraticSolution",
+    "ContinuousOptimizationResult", "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout",
+    "ContinuousSystem", "Controllability", "ControllabilityWindow", "Cost", "CostAlong", "CostGradient",
+    "CostHessian", "DenseTrajectory", "DerivativeReport", "DiscreteSystem", "Entries", "Equal", "FinalTime",
+    "FunctionContinuousSystem", "FunctionQuantity", "FunctionSystem", "HelpedCost", "HessianPart", "IterationRecord",
+    "IterationTable", "Limit", "LimitReport", "LimitState", "LinearContinuousSystem", "LinearQuadraticSolution",
+    "LinearSystem", "Linearization", "Method", "ModelHessian", "OptimizationHistory", "OptimizationResult",
+    "Optimizer", "Options", "Parameter", "Periodic", "PiecewisePolynomial", "PricedLimit", "PricedLimits",
+    "ProductSpace", "ProjectionOperator", "QuadraticCost", "Quantity", "RateGradient", "RateHessian", "Rollout",
+    "Rotations", "Shooting", "StageRecord", "StageTable", "StartResult", "StartStatus", "StateSpace", "Status",
+    "Unknown", "Vectors", "WindowCost", "WindowSystem", "Within", "adjoint", "check_derivatives", "coarse_to_fine",
+    "continuation", "controllability", "cost_along", "linearize_along_curve", "optimize", "optimize_continuous",
+    "receding_horizon", "regulate", "regulate_continuous", "resample", "solve_continuous_linear_quadratic",
+    "solve_linear_quadratic", "steady_state_regulator", "sweep_forward",
 ]  # fmt: skip

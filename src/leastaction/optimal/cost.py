@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, read_only
+from leastaction.optimal.space import StateSpace
+from leastaction.optimal.system import System
 
 # What of a weight's size its least eigenvalue may be below zero by rounding.
 _SEMI = 1e-12
@@ -115,3 +119,38 @@ def final_of(weight: Array) -> Array:
         return weight
     last: Array = weight[-1]
     return last[:, 0] if last.shape[1] == 1 else last
+
+
+def check_space(cost: Any, system: System) -> None:
+    """Complain about a quadratic cost that subtracts states which are no plain vectors, within others or alone.
+
+    Raises `ArgumentError`: saying what to give.
+    """
+    whole = system.charts()
+    while whole is not None and cost is not None:
+        if hasattr(cost, "space") and cost.space is None:
+            raise ArgumentError(
+                f"cost: got a {type(cost).__name__} that subtracts states, expected one over those of "
+                f"{type(system).__name__}, which are no plain vectors: give it space=system"
+            )
+        cost = getattr(cost, "cost", None)
+
+
+class Deviations(NamedTuple):
+    """Derivatives of half the weighted squares of differences, by the states that these lead to.
+
+    ``gradient`` (n, ndx). ``squares`` (n, ndx, ndx): Gauss and Newton's part of the second ones. ``bend`` (n, ndx,
+    ndx): the rest, of the differences' own.
+    """
+
+    gradient: Array
+    squares: Array
+    bend: Array
+
+
+def deviations(space: StateSpace, weight: Array, x: Array, wanted: Array) -> Deviations:
+    """Return them for states x (n, nx) and a weight as of `weigh`."""
+    pull = weigh(weight, space.difference(x, wanted))
+    J = space.difference_derivative(x, wanted)
+    squares = np.swapaxes(J, -1, -2) @ (matrix_of(weight) @ J)
+    return Deviations(np.einsum("kij,ki->kj", J, pull), squares, space.difference_curvature(x, wanted, pull))

@@ -38,16 +38,26 @@ class Functions:
         self._derivatives = derivatives
         self._curvature = curvature
 
+    @property
+    def derivatives_given(self) -> Callable[[Array, Array, Any], tuple[Any, Any]] | None:
+        """The function that was given for first derivatives, if one was."""
+        return self._derivatives if callable(self._derivatives) else None
+
+    @property
+    def curvature_given(self) -> Callable[[Array, Array, Any, Array], Any] | None:
+        """The function that was given for second derivatives, if one was."""
+        return self._curvature if callable(self._curvature) else None
+
     def f(self, x: Array, u: Array, when: Any) -> Array:
         """Return the value (nx,)."""
-        return _sized("f", self._f(x, u, when), (self.nx,))
+        return sized("f", self._f(x, u, when), (self.nx,))
 
     def derivatives(self, x: Array, u: Array, when: Any) -> tuple[Array, Array]:
         """Return A (nx, nx) and B (nx, nu)."""
         if callable(self._derivatives):
             A, B = self._derivatives(x, u, when)
             nx, nu = self.nx, self.nu
-            return _sized("A", A, (nx, nx)), _sized("B", B, (nx, nu))
+            return sized("A", A, (nx, nx)), sized("B", B, (nx, nu))
         y = np.concatenate([x, u])
         if self._derivatives == "complex-step":
             G = complex_step(partial(self._complex_value, when=when), y)
@@ -59,7 +69,7 @@ class Functions:
         """Return ``z . D2f`` (nx+nu, nx+nu)."""
         n = self.nx + self.nu
         if callable(self._curvature):
-            return _sized("curvature", self._curvature(x, u, when, z), (n, n))
+            return sized("curvature", self._curvature(x, u, when, z), (n, n))
 
         def slope(y: Array) -> Array:
             return np.asarray(z @ np.hstack(self.derivatives(y[: self.nx], y[self.nx :], when)))
@@ -75,11 +85,12 @@ class Functions:
                 "Build the result from the arguments (np.array([...]), np.stack), without float(), "
                 "or give `derivatives`."
             )
-        _sized("f", value.real, (self.nx,))
+        sized("f", value.real, (self.nx,))
         return value
 
 
-def _sized(name: str, value: Any, shape: tuple[int, ...]) -> Array:
+def sized(name: str, value: Any, shape: tuple[int, ...]) -> Array:
+    """Return what a function returned, or complain about its shape."""
     array = np.asarray(value, dtype=np.float64)
     if array.shape != shape:
         raise ArgumentError(f"{name}: the function returned shape {array.shape}, expected {shape}.")

@@ -161,10 +161,11 @@ def optimize(
     with unknowns at once, where the projection leaves the given curve. Where they do not close soon, it goes on from
     where it stood, which is the result meanwhile; within limits from their projection.
 
-    *Continuous time.* On a mesh (``collocate``, and wherever there are limits or a free start) there is one recursion
-    over its pieces instead of equations for nx (nx + 1) / 2 entries of a Riccati matrix that are integrated in time:
-    for many states much the faster way, and weights may differ by any ratio. An optimum is found to about the square of
-    the relative tolerance of `accuracy` in cost, and to the tolerance in the trajectory.
+    *Continuous time.* On a mesh, which is made finer until it resolves the motion, there is one recursion over its
+    pieces: much the faster way, and weights may differ by any ratio. With ``collocate=False``, for problems without
+    limits and with a given start, equations for nx (nx + 1) / 2 entries of a Riccati matrix are integrated in time
+    instead. An optimum is found to about the square of the relative tolerance of `accuracy` in cost, and to the
+    tolerance in the trajectory.
     """
     optimizer = Optimizer(
         system, cost, limits, horizon=horizon, free_start=free_start, unknowns=unknowns, options=options, **settings

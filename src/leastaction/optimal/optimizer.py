@@ -16,14 +16,17 @@ from threadpoolctl import ThreadpoolController
 from leastaction.errors import ArgumentError, ResidualWarning
 from leastaction.numerics.arrays import as_array, as_count, read_only, require_instance
 from leastaction.numerics.frozen import changed
+from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.collocation.problem import CollocationProblem
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult
+from leastaction.optimal.cost import check_space
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.easing import EasedProblem
+from leastaction.optimal.discrete.own_projection import own_projection
 from leastaction.optimal.discrete.shooting import Gapped
 from leastaction.optimal.discrete.system import DiscreteSystem, given_start
 from leastaction.optimal.limits.limit import Limit, checked_limits
@@ -282,22 +285,30 @@ class Optimizer:
             self.free_start,
         )
         check_system(system, (DiscreteSystem,), ("N",))
-        of_time = {"horizon": self.horizon, "accuracy": settings.accuracy, "collocate": settings.collocate or None}
-        for name, value in of_time.items():
-            if value is not None:
+        of_time = {"horizon": (self.horizon, None), "accuracy": (settings.accuracy, None)}
+        for name, (value, usual) in {**of_time, "collocate": (settings.collocate, True)}.items():
+            if value is not usual:
                 raise ArgumentError(
-                    f"{name}: got {value!r}, expected None: {type(system).__name__} is a discrete system, which "
+                    f"{name}: got {value!r}, expected {usual}: {type(system).__name__} is a discrete system, which "
                     "brings its times along."
                 )
         cost.check_shapes(system.N, system.nx, system.nu)
+        check_space(cost, system)
         final_time = None
+        if system.charts() is not None and any(isinstance(limit, Periodic) for limit in self.limits):
+            raise ArgumentError(
+                f"limits: got a Periodic for {type(system).__name__}, whose states are no plain vectors: expected "
+                "Equal at the end, of a given state"
+            )
+        if isinstance(settings.projection, PiecewisePolynomial):
+            raise ArgumentError("projection: got functions of time, expected gains (N, nu, nx) of a discrete system")
         if self.unknowns or any(isinstance(limit, Periodic) for limit in self.limits):
             self._extension = extension = Extension(system, cost, self.unknowns, self.limits, free)
             rows, free, final_time = extension.rows(), True, extension.system.final_time
-            system, cost = extension.system, extension.cost
+            system, cost, settings = extension.system, extension.cost, extension.settings(settings)
         else:
             rows = [row for limit in self.limits for row in limit.rows(system, 1 if free is False else 0)]
-        tries_gaps = settings.method == "auto" and settings.regulator == "descent"
+        tries_gaps = settings.method == "auto" and own_projection(settings, system) is None
         tries_gaps = tries_gaps and settings.shooting == "auto" and "gaps" not in settings.without
         gapped: Gapped = "never" if not tries_gaps else "where needed" if self._extension is None else "where lost"
         gapped = "at once" if settings.shooting == "multiple" else gapped
@@ -318,6 +329,11 @@ class Optimizer:
             raise ArgumentError(
                 f"limits: got a Periodic for {type(system).__name__}, expected a discrete system for a motion that "
                 "returns; in continuous time `Equal` asks for a given last state"
+            )
+        if system.charts() is not None:
+            raise ArgumentError(
+                f"system: got a {type(system).__name__} whose states are no plain vectors, expected plain ones in "
+                "continuous time; in steps of time, DiscreteSystem, they may be any"
             )
         accuracy = settings.accuracy or Accuracy()
         if self.limits or self.free_start is not False or settings.collocate:

@@ -50,6 +50,8 @@ class Quantity(ABC):
     looks_ahead: bool = False
     first: int = 0
     """The first instant at which a quantity of the state means something."""
+    by_entries: bool = False
+    """Whether derivatives are by the entries of a state (nx), whatever its space; else by its directions (ndx)."""
     says_all: bool = False
     """Whether the names say all of a bound at zero."""
 
@@ -149,6 +151,7 @@ class Entries(Quantity):
         unit: str = "",
     ) -> None:
         self.names, self.of_state, self.kind, self.unit = tuple(names), of_state, kind, unit
+        self.by_entries = of_state
         self.places: Instants = np.array(columns, dtype=np.intp)
         self.places.setflags(write=False)
         self.factors = read_only(np.array(np.broadcast_to(np.asarray(factors, dtype=np.float64), self.places.shape)))
@@ -194,6 +197,7 @@ class QuantityView(Quantity):
         self.whole = whole
         self.names, self.kind, self.unit, self.first = whole.names, whole.kind, whole.unit, whole.first
         self.of_state, self.looks_ahead, self.says_all = whole.of_state, whole.looks_ahead, whole.says_all
+        self.by_entries = whole.by_entries
 
     def columns(self, nx: int, nu: int) -> Instants | None:
         return self.whole.columns(nx, nu)
@@ -345,6 +349,7 @@ class FunctionQuantity(Quantity):
         indexed: bool = False,
         unit: str = "",
     ) -> None:
+        self.by_entries = True
         self.names = (names,) if isinstance(names, str) else tuple(names)
         self.of_state, self.unit = of_state, unit
         self._values, self._jacobian, self._curvature = values, jacobian, curvature

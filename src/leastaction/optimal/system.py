@@ -1,7 +1,8 @@
 """What the optimiser knows of the systems that it steers, in either kind of time.
 
-Symbols: ``x`` (nx,), ``u`` (nu,), ``A = df/dx`` (nx, nx), ``B = df/du`` (nx, nu), ``K`` (nu, nx) with the
-feedback ``u = ubar - K (x - xbar)``; over a horizon, with time first.
+Symbols: ``x`` (nx,), ``u`` (nu,), ``A = df/dx`` (ndx, ndx), ``B = df/du`` (ndx, nu), ``K`` (nu, ndx) with the
+feedback ``u = ubar - K difference(x, xbar)``; over a horizon, with time first. Of states that are plain vectors, as
+nearly all are, ndx is nx, and the difference is ``x - xbar``; `StateSpace` says what is meant of others.
 
 Which method of the optimiser needs what:
 
@@ -19,6 +20,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -28,6 +30,7 @@ from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, as_count
 from leastaction.numerics.dataset import Dataset
 from leastaction.optimal.quantity import Entries, Quantity
+from leastaction.optimal.space import DifferencedSpace, StateSpace, Vectors
 
 SecondOrder = Callable[[Array], Array]
 
@@ -41,16 +44,16 @@ class Linearization:
 
     Attributes
     ----------
-    A : ndarray (N, nx, nx)
+    A : ndarray (N, ndx, ndx)
         ``df/dx`` of every step, or at every sample.
-    B : ndarray (N, nx, nu)
+    B : ndarray (N, ndx, nu)
         ``df/du`` of every step, or at every sample.
     second : callable or None
-        ``second(z) -> (N, nx+nu, nx+nu)``, what `curvature` asks; `z` (N, nx). Without it the optimiser asks
+        ``second(z) -> (N, ndx+nu, ndx+nu)``, what `curvature` asks; `z` (N, ndx). Without it the optimiser asks
         the system's `curvatures`.
     memory : object
         Whatever the system writes over when this is given back to it as `out`.
-    pattern : ndarray of bool (nx, nx+nu) or None
+    pattern : ndarray of bool (ndx, ndx+nu) or None
         Which entries of ``[A B]`` may differ from zero, at any step, where the system knows: no others are read.
     packed : callable or None
         ``packed(z) -> (N, m (m+1)/2)``, the lower triangles by rows of what `second` returns, of the m inputs and
@@ -69,11 +72,11 @@ class Linearization:
         return iter((self.A, self.B))
 
     def curvature(self, z: Array) -> Array:
-        """Return ``z . D2f`` of every step or sample, (N, nx+nu, nx+nu).
+        """Return ``z . D2f`` of every step or sample, (N, ndx+nu, ndx+nu).
 
         Parameters
         ----------
-        z : ndarray (N, nx) or (N+1, nx)
+        z : ndarray (N, ndx) or (N+1, ndx)
             Weights on the next state of every step, or on the rate at every sample. Or the adjoint of a
             discrete system, whose first row weighs nothing: no step leads to the first state.
 
@@ -93,17 +96,12 @@ class Linearization:
         return self.curvature(z) if self.packed is None else self.packed(self._weights(z))
 
     def _weights(self, z: Array) -> Array:
-        N, nx = self.A.shape[:2]
-        if z.shape not in ((N, nx), (N + 1, nx)):
+        N, ndx = self.A.shape[:2]
+        if z.shape not in ((N, ndx), (N + 1, ndx)):
             raise ArgumentError(
-                f"z: got shape {z.shape}, expected ({N}, {nx}), weights, or ({N + 1}, {nx}), an adjoint"
+                f"z: got shape {z.shape}, expected ({N}, {ndx}), weights, or ({N + 1}, {ndx}), an adjoint"
             )
         return np.ascontiguousarray(z[-N:])
-
-
-def difference(x: Array, xbar: Array) -> Array:
-    """Return the difference of two states: the one place that says how states are compared."""
-    return x - xbar
 
 
 class System(ABC):
@@ -119,8 +117,16 @@ class System(ABC):
     nu: int
     """Number of inputs."""
 
+    space: StateSpace | None = None
+    """How states differ and move; None where they are plain vectors."""
+
     has_curvature: bool = True
     """Whether `curvature` is available; without it Newton's method is not offered."""
+
+    @cached_property
+    def ndx(self) -> int:
+        """Number of entries of a difference of states: directions in which a state moves."""
+        return self.nx if self.space is None else self.space.ndx
 
     @abstractmethod
     def f(self, x: Array, u: Array, when: Any, /) -> Array:
@@ -128,18 +134,37 @@ class System(ABC):
 
     @abstractmethod
     def derivatives(self, x: Array, u: Array, when: Any, /) -> tuple[Array, Array]:
-        """Return ``A = df/dx`` (nx, nx) and ``B = df/du`` (nx, nu)."""
+        """Return ``A = df/dx`` (ndx, ndx) and ``B = df/du`` (ndx, nu).
+
+        Of states that are no plain vectors they are derivatives of ``difference(f(plus(x, dx), u + du), f(x, u))``.
+        """
 
     def curvature(self, x: Array, u: Array, when: Any, z: Array, /) -> Array:
-        """Return ``z . D2f``, the symmetric (nx+nu, nx+nu) Hessian of ``z'f`` over ``(x, u)``."""
+        """Return ``z . D2f``, the symmetric Hessian (ndx+nu, ndx+nu) of ``z'f`` by what `derivatives` are by."""
         raise NotImplementedError(
             f"{type(self).__name__} has no second derivative: implement `curvature`, or set "
             "`has_curvature = False` and use a method other than 'newton'."
         )
 
     def difference(self, x: Array, xbar: Array) -> Array:
-        """Return the difference of states (nx,) or (n, nx), as feedback and projection take it."""
-        return difference(x, xbar)
+        """Return the difference (ndx,) or (n, ndx) of states, as feedback and projection take it."""
+        return x - xbar if self.space is None else self.space.difference(x, xbar)
+
+    def plus(self, x: Array, dx: Array) -> Array:
+        """Return a state (nx,), or states (n, nx), moved by a difference."""
+        return x + dx if self.space is None else self.space.plus(x, dx)
+
+    def charts(self) -> StateSpace | None:
+        """Return how states differ and move, with all derivatives; None of plain vectors.
+
+        Of a system with a `difference` and a `plus` of its own, but no `space`, derivatives are differences.
+        """
+        own = type(self)
+        if self.space is not None:
+            return space_of(self.space)
+        if own.difference is System.difference and own.plus is System.plus:
+            return None
+        return DifferencedSpace(self.nx, self.ndx, self.difference, self.plus)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -189,14 +214,21 @@ class System(ABC):
         return []
 
     def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:  # noqa: ARG002 - overridden
-        """Return the directions (nx, n) in which an initial state x (nx,) may move.
+        """Return the directions (ndx, n) in which an initial state x (nx,) may move.
 
         ``free``: names of the entries of the state that are free, with wildcards; all if None. A system with
         constraints gives a basis of their tangent space.
         """
+        every = np.eye(self.ndx)
         if free is None:
-            return np.eye(self.nx)
-        return np.eye(self.nx)[:, self.free_entries(free)]
+            return every
+        space = self.charts()
+        if space is None:
+            return every[:, self.free_entries(free)]
+        # A direction is free where all is that it moves.
+        held = np.ones(self.nx, dtype=np.bool_)
+        held[self.free_entries(free)] = False
+        return every[:, ~space.pattern[held].any(axis=0)]
 
     def free_entries(self, free: Sequence[str], what: str = "free_start") -> list[int]:
         """Return the places of the entries of the state with these names; `what` is asked for them, in messages.
@@ -221,7 +253,7 @@ class System(ABC):
 
     def moved_start(self, x: Array, dx: Array) -> Array:
         """Return an initial state moved by dx along its directions, brought back to where it may be."""
-        return x + dx
+        return self.plus(x, dx)
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -234,6 +266,13 @@ class System(ABC):
         return Entries(
             [f"{'u' if kind == 'input' else 'x'}[{i}]" for i in range(count)], range(count), of_state=kind != "input"
         )
+
+
+def space_of(where: System | StateSpace | None) -> StateSpace | None:
+    """Return how states differ and move, of a system or as it was given; None of plain vectors."""
+    if isinstance(where, System):
+        return where.charts()
+    return None if isinstance(where, Vectors) else where
 
 
 def check_system(system: object, kinds: tuple[type[System], ...], sizes: tuple[str, ...]) -> None:

@@ -9,8 +9,9 @@ from leastaction._names import lazily
 if TYPE_CHECKING:
     from leastaction.systems.checks import check_derivatives
     from leastaction.systems.continuous import MechanismSystem
+    from leastaction.systems.costs.configurations import CostOfConfigurations
     from leastaction.systems.costs.places import PlaceCost
-    from leastaction.systems.costs.smooth import SmoothCost
+    from leastaction.systems.costs.smooth import CostOfAccelerations, SmoothCost
     from leastaction.systems.embedding import embed
     from leastaction.systems.following.follow import Followed, follow
     from leastaction.systems.keep import Keep
@@ -27,8 +28,9 @@ else:
         {
             "leastaction.systems.checks": "check_derivatives",
             "leastaction.systems.continuous": "MechanismSystem",
+            "leastaction.systems.costs.configurations": "CostOfConfigurations",
             "leastaction.systems.costs.places": "PlaceCost",
-            "leastaction.systems.costs.smooth": "SmoothCost",
+            "leastaction.systems.costs.smooth": "CostOfAccelerations SmoothCost",
             "leastaction.systems.embedding": "embed",
             "leastaction.systems.following.follow": "Followed follow",
             "leastaction.systems.keep": "Keep",
@@ -43,7 +45,7 @@ else:
     )
 
 __all__ = [
-    "Ball", "Box", "Followed", "HalfSpace", "Keep", "MechanismSystem", "MidpointSystem", "PlaceCost", "Played",
-    "PulledSystem", "Region", "Rig", "SmoothCost", "by_tensions", "check_derivatives", "embed", "follow", "play",
-    "relax", "warm_start",
+    "Ball", "Box", "CostOfAccelerations", "CostOfConfigurations", "Followed", "HalfSpace", "Keep", "MechanismSystem",
+    "MidpointSystem", "PlaceCost", "Played", "PulledSystem", "Region", "Rig", "SmoothCost", "by_tensions",
+    "check_derivatives", "embed", "follow", "play", "relax", "warm_start",
 ]  # fmt: skip

@@ -17,7 +17,7 @@ from leastaction.viz.convergence import plot_convergence
 from leastaction.viz.descent import plot_descent
 from leastaction.viz.energy import plot_energy
 from leastaction.viz.feedback import plot_feedback
-from leastaction.viz.figures import save_png
+from leastaction.viz.figures import BLUE, GREY, ORANGE, PALE, VERMILION, new_figure, save_png, styled
 from leastaction.viz.limits import plot_limits
 from leastaction.viz.poses import plot_poses
 from leastaction.viz.reactions import plot_reactions
@@ -32,8 +32,9 @@ from leastaction.viz.viewer.show import show
 from leastaction.viz.viewer.view import View
 
 __all__ = [
-    "ActiveLimit", "Arrow", "Bone", "Cord", "JointMark", "Scene", "TrackingErrors", "View", "animation_page",
-    "mechanism_scene", "plot_convergence", "plot_descent", "plot_energy", "plot_feedback", "plot_limits", "plot_poses",
-    "plot_reactions", "plot_residuals", "plot_run", "plot_snapshots", "plot_strings", "plot_tracking", "save_png",
-    "show", "tracking_errors", "write_animation",
+    "BLUE", "GREY", "ORANGE", "PALE", "VERMILION", "ActiveLimit", "Arrow", "Bone", "Cord", "JointMark", "Scene",
+    "TrackingErrors", "View", "animation_page", "mechanism_scene", "new_figure", "plot_convergence", "plot_descent",
+    "plot_energy", "plot_feedback", "plot_limits", "plot_poses", "plot_reactions", "plot_residuals", "plot_run",
+    "plot_snapshots", "plot_strings", "plot_tracking", "save_png", "show", "styled", "tracking_errors",
+    "write_animation",
 ]  # fmt: skip

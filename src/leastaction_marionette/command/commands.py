@@ -16,7 +16,7 @@ from leastaction.errors import ArgumentError
 from leastaction_marionette.command.options import MOTION, MotionOptions, PuppetOptions
 
 if TYPE_CHECKING:
-    from leastaction.io.motion.motion import Motion
+    from leastaction.io import Motion
     from leastaction_marionette.command.session import AtSpeeds, Request
 
 

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from leastaction.errors import OutputError
 from leastaction.models.marionette import bars_of
-from leastaction.numerics.files import write_text
+from leastaction.numerics import write_text
 from leastaction.viz import plot_convergence, plot_snapshots, plot_strings, plot_tracking, save_png, write_animation
 from leastaction_marionette.at_rest import RestingPoses, plot_resting, resting
 from leastaction_marionette.bars import plot_bars

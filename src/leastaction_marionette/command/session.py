@@ -16,7 +16,7 @@ from rich.console import Console
 
 from leastaction.apps.cli import OptimiserOptions, OutputOptions, uninterrupted
 from leastaction.errors import OutputError
-from leastaction.io.motion.motion import Motion
+from leastaction.io import Motion
 from leastaction.models.marionette import Hanging, marionette
 from leastaction.optimal import IterationRecord, IterationTable, Status
 from leastaction_marionette.choices import Follow

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from leastaction.models.marionette import bars_of
-from leastaction.numerics.arrays import Array
+from leastaction.numerics import Array
 from leastaction.optimal import Status
 from leastaction.viz import TrackingErrors
 from leastaction_marionette.at_rest import RestingPoses

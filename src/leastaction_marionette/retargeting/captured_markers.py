@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from leastaction.numerics.arrays import Array
+from leastaction.numerics import Array
 from leastaction_marionette.retargeting.geometry import unit
 from leastaction_marionette.retargeting.skeleton import CHAINS, HEAD, LIMBS, Proportions
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from leastaction.io.motion.capture import axis_rotation
-from leastaction.numerics.arrays import Array
+from leastaction.io import axis_rotation
+from leastaction.numerics import Array
 
 
 def unit(vector: Array) -> Array:

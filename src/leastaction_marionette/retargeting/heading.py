@@ -8,9 +8,8 @@ from typing import get_args
 import numpy as np
 
 from leastaction.errors import ArgumentError, MotionFileError
-from leastaction.io.motion.capture import Capture, axis_rotation
-from leastaction.io.motion.motion import Motion
-from leastaction.numerics.arrays import Array, as_choice
+from leastaction.io import Capture, Motion, axis_rotation
+from leastaction.numerics import Array, as_choice
 from leastaction_marionette.choices import Axis, Heading
 from leastaction_marionette.retargeting.geometry import unit
 

@@ -10,10 +10,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.io.motion.capture import Capture
-from leastaction.io.motion.motion import Motion
-from leastaction.io.motion.read import read_capture
-from leastaction.numerics.arrays import as_choice, as_number
+from leastaction.io import Capture, Motion, read_capture
+from leastaction.numerics import as_choice, as_number
 from leastaction_marionette.choices import Axis, Heading
 from leastaction_marionette.markers import with_markers
 from leastaction_marionette.retargeting.mapping import read_mapping

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from leastaction.errors import MotionFileError
-from leastaction.io.motion.capture import Capture
+from leastaction.io import Capture
 from leastaction_marionette.retargeting.skeleton import CHAINS, LIMBS
 
 #: The joints a capture must have.

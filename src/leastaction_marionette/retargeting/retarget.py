@@ -18,9 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from leastaction.errors import MotionFileError
-from leastaction.io.motion.capture import Capture, axis_rotation, forward_kinematics
-from leastaction.io.motion.motion import Motion
-from leastaction.numerics.arrays import Array
+from leastaction.io import Capture, Motion, axis_rotation, forward_kinematics
+from leastaction.numerics import Array
 from leastaction_marionette.choices import Axis, Heading
 from leastaction_marionette.retargeting.captured_markers import captured_markers
 from leastaction_marionette.retargeting.geometry import (

@@ -13,9 +13,9 @@ from typing import Literal
 
 import numpy as np
 
-from leastaction.io.motion.capture import axis_rotation
+from leastaction.io import axis_rotation
 from leastaction.models.marionette import FOREARM, HIP_WIDTH, SHOULDER_WIDTH, SPINE
-from leastaction.numerics.arrays import Array
+from leastaction.numerics import Array
 from leastaction_marionette.retargeting.geometry import rotation_zyx
 
 VARIABLES: tuple[str, ...] = (

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import block_diag, csc_array, diags_array, kron
 from scipy.sparse.linalg import spsolve
 
-from leastaction.numerics.arrays import Array
+from leastaction.numerics import Array
 
 Directions = Callable[[Array], Array]
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from leastaction.errors import ProjectionError
-from leastaction.numerics.arrays import Array
-from leastaction.optimal import OptimizationResult, Status, optimize
-from leastaction.optimal.loop import Callback
-from leastaction.optimal.options import Method, Shooting
+from leastaction.numerics import Array
+from leastaction.optimal import Callback, Method, OptimizationResult, Shooting, Status, optimize
 from leastaction_marionette.tracking.plan import TrackingPlan
 
 

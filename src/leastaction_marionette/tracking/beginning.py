@@ -9,7 +9,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Final
 
-from leastaction.io.motion.motion import Motion
+from leastaction.io import Motion
 from leastaction.mechanics import Mechanism
 from leastaction.models.marionette import bars_of, held_strings, tie_strings
 from leastaction.optimal import OptimizationResult

@@ -9,9 +9,8 @@ import numpy as np
 from leastaction.errors import LeastActionError
 from leastaction.mechanics import Trajectory
 from leastaction.models.marionette import string_lengths
-from leastaction.numerics.arrays import Array
-from leastaction.optimal import OptimizationResult, Status
-from leastaction.optimal.discrete.linear_quadratic import regulate
+from leastaction.numerics import Array
+from leastaction.optimal import OptimizationResult, Status, regulate
 from leastaction_marionette.tracking.plan import TrackingPlan
 from leastaction_marionette.tracking.settle import NotTiedError, settled
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from leastaction.numerics.arrays import Array
+from leastaction.numerics import Array
 from leastaction.optimal import QuadraticCost
-from leastaction.systems.costs.smooth import CostOfAccelerations
+from leastaction.systems import CostOfAccelerations
 
 
 class TrackingCost(CostOfAccelerations):

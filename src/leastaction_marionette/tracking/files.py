@@ -11,9 +11,7 @@ from typing import cast, get_args
 import numpy as np
 
 from leastaction.errors import LeastActionError, ResultFileError
-from leastaction.io.motion.motion import Motion
-from leastaction.io.results import check_result, load_record, save_record
-from leastaction.io.results.record import Provenance
+from leastaction.io import Motion, Provenance, check_result, load_record, save_record
 from leastaction.mechanics import Mechanism, MidpointVI
 from leastaction.models.marionette import (
     CONTROLS,
@@ -26,7 +24,7 @@ from leastaction.models.marionette import (
     strings_of,
 )
 from leastaction.models.puppet_controls import ends_of
-from leastaction.numerics.arrays import Array
+from leastaction.numerics import Array
 from leastaction.optimal import OptimizationResult
 from leastaction.systems import MidpointSystem
 from leastaction_marionette.choices import Follow

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError
-from leastaction.io.motion.motion import Motion
-from leastaction.io.results.record import Provenance
+from leastaction.io import Motion, Provenance
 from leastaction.mechanics import Mechanism, Trajectory
-from leastaction.numerics.arrays import Array
+from leastaction.numerics import Array
 from leastaction.optimal import OptimizationResult, Status
-from leastaction.viz.tracking import TrackingErrors, tracking_errors
+from leastaction.viz import TrackingErrors, tracking_errors
 from leastaction_marionette.choices import Follow
 from leastaction_marionette.markers import places_of, with_places
 from leastaction_marionette.tracking.limits import PuppetLimits

@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.io.motion.motion import Motion
-from leastaction.numerics.arrays import Array
+from leastaction.io import Motion
+from leastaction.numerics import Array
 from leastaction.optimal import OptimizationResult
 from leastaction_marionette.tracking.attempts import attempted
 from leastaction_marionette.tracking.limits import KINDS

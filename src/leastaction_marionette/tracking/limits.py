@@ -13,8 +13,7 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics import Mechanism
 from leastaction.models.marionette import JOINT_LIMITS, strings_of
 from leastaction.models.puppet_controls import ends_of
-from leastaction.numerics.arrays import Array
-from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.numerics import Array, restore_state, saved_state
 from leastaction.optimal import Bound, Limit
 
 KINDS: Final = ("tension", "joints", "speed", "acceleration", "reach")

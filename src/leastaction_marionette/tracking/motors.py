@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import ProjectionError
-from leastaction.io.motion.motion import Motion
-from leastaction.numerics.arrays import Array, smooth_rise
+from leastaction.io import Motion
+from leastaction.numerics import Array, smooth_rise
 from leastaction.optimal import IterationRecord, OptimizationResult, Status, optimize
 from leastaction_marionette.tracking.limits import FIRST_KINDS
 from leastaction_marionette.tracking.plan import TrackingPlan

@@ -19,8 +19,8 @@ from typing import Final
 import numpy as np
 
 from leastaction.errors import ArgumentError, ProjectionError
-from leastaction.io.motion.motion import Motion
-from leastaction.numerics.arrays import Array, smooth_rise
+from leastaction.io import Motion
+from leastaction.numerics import Array, smooth_rise
 from leastaction.optimal import OptimizationResult
 from leastaction_marionette.tracking.checkpoints import Checkpoints
 from leastaction_marionette.tracking.found import CUT_SHORT, FollowedParts, TrackingSearch

@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import lsq_linear
 
 from leastaction.errors import ArgumentError, LeastActionError, StepError
-from leastaction.io.motion.motion import Motion
+from leastaction.io import Motion
 from leastaction.mechanics import JointForce, MidpointVI, to_momentum
 from leastaction.models.marionette import (
     held_strings,
@@ -27,10 +27,8 @@ from leastaction.models.marionette import (
     strings_of,
     tied_strings,
 )
-from leastaction.numerics.arrays import Array
-from leastaction.optimal import Cost, OptimizationResult, Status
-from leastaction.optimal.discrete.linear_quadratic import regulate
-from leastaction.optimal.discrete.projection import linearize_along_curve
+from leastaction.numerics import Array
+from leastaction.optimal import Cost, OptimizationResult, Status, linearize_along_curve, regulate
 from leastaction.systems import PulledSystem
 from leastaction_marionette.tracking.cost import TrackingCost
 from leastaction_marionette.tracking.limits import FIRST_KINDS, PuppetLimits

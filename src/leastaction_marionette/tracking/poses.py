@@ -19,7 +19,7 @@ from scipy.optimize import minimize
 from leastaction.errors import ArgumentError
 from leastaction.models.marionette import REST, hang_strings
 from leastaction.models.puppet_controls import ends_of
-from leastaction.numerics.arrays import Array
+from leastaction.numerics import Array
 from leastaction.optimal import OptimizationResult, Status
 from leastaction_marionette.markers import LIMB_MARKERS
 from leastaction_marionette.tracking.plan import TrackingPlan

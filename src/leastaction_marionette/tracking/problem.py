@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from leastaction.errors import ArgumentError, closest
-from leastaction.io.motion.motion import Motion
+from leastaction.io import Motion
 from leastaction.mechanics import Mechanism, MidpointVI, to_momentum
 from leastaction.models.marionette import (
     PLANE_HEIGHT,
@@ -20,7 +20,7 @@ from leastaction.models.marionette import (
     tied_strings,
 )
 from leastaction.models.puppet_controls import ends_of, held_strings
-from leastaction.numerics.arrays import Array
+from leastaction.numerics import Array
 from leastaction.optimal import Cost
 from leastaction.systems import MidpointSystem, PlaceCost
 from leastaction_marionette.choices import Follow

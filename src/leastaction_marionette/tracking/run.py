@@ -20,11 +20,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from leastaction.io.motion.motion import Motion
+from leastaction.io import Motion
 from leastaction.mechanics import Mechanism
-from leastaction.optimal import OptimizationResult, Status
-from leastaction.optimal.loop import Callback
-from leastaction.optimal.options import Method
+from leastaction.optimal import Callback, Method, OptimizationResult, Status
 from leastaction_marionette.choices import Follow
 from leastaction_marionette.tracking import tying
 from leastaction_marionette.tracking.beginning import begin

@@ -16,11 +16,18 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.models.marionette import string_lengths, strings_of
-from leastaction.numerics.arrays import Array
-from leastaction.optimal import Bound, IterationRecord, OptimizationResult, QuadraticCost, optimize
-from leastaction.optimal.options import Method
+from leastaction.numerics import Array
+from leastaction.optimal import (
+    Bound,
+    IterationRecord,
+    Method,
+    OptimizationResult,
+    PricedLimit,
+    PricedLimits,
+    QuadraticCost,
+    optimize,
+)
 from leastaction_marionette.tracking.limits import KINDS, PuppetLimits
-from leastaction_marionette.tracking.priced_limits import PricedLimit, PricedLimits
 from leastaction_marionette.tracking.problem import TrackingProblem
 
 _BY_TENSION, _BY_POSE, _BY_PLACE, _BY_MOMENTUM = 1e-4, 1.0, 1.0, 1e-3  # prices of changes

@@ -15,13 +15,11 @@ from typing import Final
 
 import numpy as np
 
-from leastaction.mechanics import Mechanism
-from leastaction.mechanics.mechanism.queries.moved_points import MovedPoints
+from leastaction.mechanics import Mechanism, MovedPoints
 from leastaction.models.marionette import tied_strings
-from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics import Array, read_only
 from leastaction.optimal import Cost
-from leastaction.systems import MidpointSystem
-from leastaction.systems.costs.configurations import CostOfConfigurations
+from leastaction.systems import CostOfConfigurations, MidpointSystem
 
 LEAST_WEIGHT: Final = 1.0
 """Of a length that is off (1/m^2), with which a plan begins."""

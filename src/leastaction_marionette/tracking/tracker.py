@@ -9,12 +9,10 @@ from typing import Final
 import numpy as np
 
 from leastaction.errors import ArgumentError, ProjectionError
-from leastaction.io.motion.motion import Motion
+from leastaction.io import Motion
 from leastaction.mechanics import Mechanism
-from leastaction.numerics.arrays import Array
-from leastaction.optimal import IterationRecord, OptimizationResult, Status, optimize
-from leastaction.optimal.loop import Callback
-from leastaction.optimal.options import Method
+from leastaction.numerics import Array
+from leastaction.optimal import Callback, IterationRecord, Method, OptimizationResult, Status, optimize
 from leastaction_marionette.choices import Follow
 from leastaction_marionette.tracking.by_lengths import by_lengths
 from leastaction_marionette.tracking.checkpoints import Checkpoints

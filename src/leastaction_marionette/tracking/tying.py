@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
-from leastaction.io.motion.motion import Motion
+from leastaction.io import Motion
 from leastaction.optimal import OptimizationResult, Status, optimize
 from leastaction_marionette.tracking.found import CUT_SHORT, STUCK, TrackingRun, TrackingSearch
 from leastaction_marionette.tracking.limits import KINDS

@@ -502,7 +502,7 @@ def test_a_start_too_violent_for_long_pieces_gets_shorter_ones():
 # ---- Without limits ------------------------------------------------------------------------------------
 
 
-def test_a_problem_without_limits_may_be_put_on_a_mesh(monkeypatch):
+def test_a_problem_without_limits_is_put_on_a_mesh_too(monkeypatch):
     system = FunctionContinuousSystem(
         lambda x, u, t: np.array([x[1], u[0] - 9.0 * np.sin(x[0])]),
         nx=2,
@@ -512,10 +512,10 @@ def test_a_problem_without_limits_may_be_put_on_a_mesh(monkeypatch):
     )
     cost = ContinuousQuadraticCost(lambda t: [np.sin(t), 0.0], [0.0], Q=[10.0, 0.1], R=[0.1], Q_final=[1.0, 1.0])
     start = {"initial": ([0.5, 0.0], [0.0]), "horizon": (0.0, 3.0), "tolerance": 1e-12}
-    along = optimize(system, cost, **start)
+    along = optimize(system, cost, **start, collocate=False)
     # Nothing is integrated in time, and no Riccati equation solved, but the first trajectory of an initial state.
     monkeypatch.setattr(ContinuousProblem, "_solve", None)
-    result = optimize(system, cost, **start, collocate=True)
+    result = optimize(system, cost, **start)
     assert result.success
     assert result.limits is None
     assert result.cost == pytest.approx(along.cost, rel=1e-8)
@@ -547,8 +547,10 @@ def test_blas_has_one_thread_on_a_mesh_and_its_own_afterwards(bounded):
 def test_only_continuous_problems_are_put_on_a_mesh():
     system = MidpointSystem(MidpointVI(cart_pendulum()), np.linspace(0.0, 0.1, 11))
     cost = QuadraticCost(np.zeros((11, system.nx)), np.zeros((10, 1)), Q=np.ones(system.nx), R=[1.0])
-    with pytest.raises(ArgumentError, match=r"collocate: got True, expected None: MidpointSystem is a discrete system"):
-        optimize(system, cost, initial=(np.zeros(system.nx), np.zeros((10, 1))), collocate=True)
+    with pytest.raises(
+        ArgumentError, match=r"collocate: got False, expected True: MidpointSystem is a discrete system"
+    ):
+        optimize(system, cost, initial=(np.zeros(system.nx), np.zeros((10, 1))), collocate=False)
 
 
 def test_rates_and_costs_of_many_samples_are_those_of_each(rng):

@@ -139,6 +139,7 @@ def test_newton_tail_on_a_constrained_mechanism() -> None:
         method="newton",
         tolerance=1e-15,
         accuracy=Accuracy(rtol=1e-10, atol=1e-12),
+        collocate=False,
     )
     assert result.success
     assert result.history.method[-2:] == ("newton", "newton")
@@ -266,6 +267,7 @@ def test_the_swing_up_of_the_dissertation() -> None:
             MechanismSystem(mechanism),
             ContinuousQuadraticCost(wanted, np.zeros(R.size), Q=Q, R=R, jumps=[3.0, 7.0]),
             initial=initial,
+            collocate=False,
         )
         discrete = optimize(
             MidpointSystem(MidpointVI(mechanism), t),

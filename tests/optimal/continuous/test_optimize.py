@@ -66,7 +66,7 @@ def test_a_linear_system_takes_one_iteration(method, regulator):
     Q, R, x0 = np.array([1.0, 0.5, 2.0]), np.array([1.0, 0.3]), rng.standard_normal(3)
     cost = ContinuousQuadraticCost(x_wanted, [0.3, 0.0], Q=Q, R=R, Q_final=Q)
     result = optimize_continuous(
-        system, cost, initial=(x0, [1.0, -1.0]), horizon=(0, 2), method=method, regulator=regulator
+        system, cost, initial=(x0, [1.0, -1.0]), horizon=(0, 2), method=method, regulator=regulator, collocate=False
     )
     assert result.status is Status.CONVERGED
     assert result.iterations == 1
@@ -92,7 +92,7 @@ def test_a_linear_system_takes_one_iteration(method, regulator):
 
 
 def test_all_methods_find_the_same_trajectory(system):
-    reference = optimize_continuous(system, _tracking(), **REST, method="newton")
+    reference = optimize_continuous(system, _tracking(), **REST, method="newton", collocate=False)
     assert reference.success
     t = np.linspace(0, T, 61)
     for method in METHODS:
@@ -106,6 +106,7 @@ def test_all_methods_find_the_same_trajectory(system):
                 regulator=regulator,
                 max_iterations=200,
                 tolerance=1e-3 if steepest else 1e-9,
+                collocate=False,
             )
             assert result.success, (method, regulator, result.message)
             assert set(result.history.method) <= {method} or method in ("auto", "newton")
@@ -167,6 +168,7 @@ def test_newton_has_a_quadratic_tail(system, regulator):
         tolerance=1e-18,
         absolute_tolerance=0.0,
         accuracy=Accuracy(rtol=1e-11, atol=1e-13),
+        collocate=False,
     )
     assert result.success
     gap = np.append(result.history.expected_decrease, result.expected_decrease) / result.cost
@@ -335,13 +337,15 @@ def test_ctrl_c_gives_the_last_iterate():
             return super().linearize(x, u, t)
 
     records = []
-    result = optimize_continuous(Interrupted(), _tracking(1.5), **REST, callback=lambda r: records.append(r))
+    result = optimize_continuous(
+        Interrupted(), _tracking(1.5), **REST, callback=lambda r: records.append(r), collocate=False
+    )
     assert result.status is Status.INTERRUPTED
     assert result.iterations == records[-1].iteration >= 1
     np.testing.assert_array_equal(result.x, records[-1].x)
     assert np.isfinite(result.K).all()
-    resumed = optimize_continuous(CartPendulum(), _tracking(1.5), resume=result)
-    whole = optimize_continuous(CartPendulum(), _tracking(1.5), **REST)
+    resumed = optimize_continuous(CartPendulum(), _tracking(1.5), resume=result, collocate=False)
+    whole = optimize_continuous(CartPendulum(), _tracking(1.5), **REST, collocate=False)
     np.testing.assert_array_equal(resumed.x, whole.x)
 
 
@@ -379,7 +383,7 @@ def test_wrong_derivatives_end_in_a_failed_search():
             return A, -B
 
     result = optimize_continuous(
-        Wrong(), _tracking(), **REST, method="quasi-newton", max_iterations=20, max_backtracks=8
+        Wrong(), _tracking(), **REST, method="quasi-newton", max_iterations=20, max_backtracks=8, collocate=False
     )
     assert result.status is Status.LINE_SEARCH_FAILED
     report = check_derivatives(Wrong(), result.dense, cost=_tracking())
@@ -399,7 +403,7 @@ def test_derivatives_that_fail_end_the_run():
                 A[5, 2, 1] = np.nan
             return A, B
 
-    result = optimize_continuous(Failing(), _tracking(1.5), **REST)
+    result = optimize_continuous(Failing(), _tracking(1.5), **REST, collocate=False)
     assert result.status is Status.DERIVATIVES_FAILED
     assert "nan" in result.message
     assert result.iterations >= 1
@@ -465,6 +469,7 @@ def test_the_table_and_the_records(system, capsys):
         _tracking(1.5),
         **REST,
         callback=IterationTable(file=file, then=lambda r: records.append(r)),
+        collocate=False,
     )
     lines = file.getvalue().splitlines()
     assert len([line for line in lines if line.strip()[:1].isdigit()]) == result.iterations + 1
@@ -583,6 +588,7 @@ def test_a_saddle_is_left(method, regulator):
         regulator=regulator,
         accuracy=Accuracy(rtol=1e-6, atol=1e-8),
         tolerance=1e-4,
+        collocate=False,
     )
     assert result.status is Status.CONVERGED
     assert result.history.method[0] == "negative-curvature"

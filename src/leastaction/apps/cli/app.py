@@ -171,9 +171,11 @@ app.command(commands.bench, sort_key=10)
 
 
 @cache
-def _add_applications() -> None:
+def program() -> App:
+    """Return the program with the commands of all applications that are installed."""
     for application in applications():
         application.add_commands(app)
+    return app
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -191,8 +193,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     with shielded_output() as output:
         try:
             with ending_interrupts():
-                _add_applications()
-                answer = app(arguments, result_action="return_value")
+                answer = program()(arguments, result_action="return_value")
             code = answer if isinstance(answer, int) else 0
         except CycloptsError as error:
             complain(str(error), hint="Try leastaction --help")

@@ -18,7 +18,7 @@ from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import Frozen, made
 
 # Part of the largest kinetic energy that may come or go, and of the work that was done.
-_LOST, _LOST_OF_WORK = 0.02, 0.002
+_LOST, _LOST_OF_WORK = 0.01, 0.002
 _WINDOW = 11  # steps: a median of so many passes over what swings from step to step
 _ROUNDING = 1e-12  # of the sizes of all terms
 
@@ -34,7 +34,7 @@ class DiscreteBalance(Frozen):
     scale : float
         The largest kinetic energy (J), to compare with.
     allowed : float
-        What energy may be off before it is told (J): 2 % of the scale, 0.2 % of the work, and rounding.
+        What energy may be off before it is told (J): 1 % of the scale, 0.2 % of the work, and rounding.
     swing : float
         The largest residual less the least (J).
     residual : ndarray, shape (N,)
@@ -78,7 +78,8 @@ class DiscreteBalance(Frozen):
             f"the energy does not balance: from t = {self.t[at]:.6g} s on "
             f"{abs(worst):.4g} J were {'gained' if worst > 0 else 'lost'} beside the work that was done, "
             f"{100 * abs(worst) / self.scale:.3g} % of the largest kinetic energy. Do not trust the motion from there "
-            "on; try a smaller time step"
+            f"on; try a smaller time step, or energy_tolerance={1e-4 * self.scale:.1g} (J), which adds instants "
+            "where it has to"
         )
 
     def __str__(self) -> str:

@@ -16,6 +16,7 @@ from leastaction.mechanics.discrete.balance import DiscreteBalance, balance_of, 
 from leastaction.mechanics.discrete.feedback import MidpointLaw
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.outcome import quality_of, step_error
+from leastaction.mechanics.discrete.refining import Controls, refined
 from leastaction.mechanics.discrete.rounding import eaten
 from leastaction.mechanics.discrete.trajectory import (
     SimulationStatus,
@@ -26,7 +27,7 @@ from leastaction.mechanics.discrete.trajectory import (
     trajectory_of,
     vector_of,
 )
-from leastaction.numerics.arrays import Array, as_array, as_choice, as_times, read_only
+from leastaction.numerics.arrays import Array, as_array, as_choice, as_number, as_times, read_only
 from leastaction.numerics.signals import Signal, StateLaw, signal_rows, takes_state
 from leastaction.numerics.step_quality import StepQuality, coarsest
 
@@ -43,6 +44,7 @@ def simulate(
     inputs: Signal | StateLaw = None,
     rho: Signal = None,
     law_at: LawAt = "start",
+    energy_tolerance: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Trajectory:
     """Simulate over given times, which need not be equidistant.
@@ -65,6 +67,13 @@ def simulate(
         Where in each step a feedback is evaluated: at its start, and held over it, as a digital controller does; or
         at its midpoint, where forces act (``q = (q1 + q2)/2``, ``v = (q2 - q1)/dt``, p = dL/dv). The closed loop is
         of first order with the former, of second with the latter, whose input is solved for with the step.
+    energy_tolerance : float, optional
+        What the length of a step may do to the energy (J). Where it does more, or where the step cannot be made,
+        instants are added within it: a fast passage, a string that falls taut, a linkage near a dead point. The result
+        then has more instants than `t`; its steps are like any, with all derivatives. Rows of `inputs` hold over all of
+        their step, and rows of `rho` are joined by straight lines. A thousandth of the largest kinetic energy
+        (``run.balance.scale``) keeps that of smooth motions, a tenth of this that of strings which fall taut often.
+        None are added if it is not given; it does not go with a feedback.
     progress : callable, optional
         Called with the number of steps done and of all steps now and then.
 
@@ -77,7 +86,8 @@ def simulate(
     Raises
     ------
     ArgumentError
-        For wrong shapes, values that are not finite, times that do not increase, or an unknown `law_at`.
+        For wrong shapes, values that are not finite, times that do not increase, an unknown `law_at`, or an energy
+        tolerance under a feedback.
 
     Warns
     -----
@@ -103,8 +113,18 @@ def simulate(
     as_choice(law_at, "law_at", get_args(LawAt))
     forces = None if law is not None else cast(Signal, inputs)
     u = np.hstack([signal_rows(forces, middle, m.inputs, "inputs", np.zeros(m.n_inputs)), rho_next])
+    first, stopped = u[0, : m.n_inputs].copy(), False
+    if energy_tolerance is not None:
+        most = as_number(energy_tolerance, "energy_tolerance", above=0.0)
+        if law is not None:
+            raise ArgumentError("energy_tolerance: got one and a feedback; it goes with inputs that are known before")
+        controls = Controls(m, times, forces, rho, u, start.q[m.nd :])
+        times, u, stopped = refined(vi, vector_of(m, start), times, controls, most, progress)
+        progress = None
     run = _Run(vi, times, vector_of(m, start), u)
     status, message = run.go(law, law_at, progress)
+    if stopped and status is SimulationStatus.COMPLETED:
+        status, message = SimulationStatus.INTERRUPTED, f"interrupted at t = {times[-1]:.6g} s"
     done = run.done
     passages = vi.watch.look(times[: done + 1], run.x[: done + 1, : m.nq])
     worst = coarsest(run.qualities)
@@ -116,7 +136,9 @@ def simulate(
         status, message = SimulationStatus.UNBALANCED, f"{message}, but {complaint}"
     failed = status is SimulationStatus.STEP_FAILED
     upto = slice(0, max(done, 1) + 1)  # the step that failed, if it was the first
-    rounded = eaten(m, times[upto], run.x[: done + 1, : m.nq], u[0, : m.n_inputs], balance.scale, failed=failed)
+    rounded = ""
+    if len(times) > 1:
+        rounded = eaten(m, times[upto], run.x[: done + 1, : m.nq], first, balance.scale, failed=failed)
     if rounded and failed:
         message = f"{message}. But {rounded}"
     elif rounded:

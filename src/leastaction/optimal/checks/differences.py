@@ -9,6 +9,8 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.differences import central_differences
+from leastaction.optimal.discrete.charts import StepInCharts
+from leastaction.optimal.space import StateSpace
 from leastaction.optimal.system import System
 
 
@@ -29,13 +31,30 @@ class Errors(dict[str, float]):
 
     def compare(self, system: System, x: Array, u: Array, when: Any, z: Array) -> None:
         """Compare the derivatives of a system at one step or time, second ones weighted with z (nx,)."""
-        nx, at = x.size, np.concatenate([x, u])
+        space = system.charts()
+        if space is not None:
+            self._compare_charts(system, space, x, u, when, z)
+            return
+        n, at = x.size, np.concatenate([x, u])
         A, B = system.derivatives(x, u, when)
-        J = central_differences(lambda y: system.f(y[:nx], y[nx:], when), at)
-        self.note("A", A, J[:, :nx])
-        self.note("B", B, J[:, nx:])
+        J = central_differences(lambda y: system.f(y[:n], y[n:], when), at)
+        self.note("A", A, J[:, :n])
+        self.note("B", B, J[:, n:])
         if system.has_curvature:
             H = system.curvature(x, u, when, z)
-            slopes = central_differences(lambda y: z @ np.hstack(system.derivatives(y[:nx], y[nx:], when)), at)
+            slopes = central_differences(lambda y: z @ np.hstack(system.derivatives(y[:n], y[n:], when)), at)
             self.note("curvature", H, slopes)
+            self.note("curvature symmetry", H, H.T)
+
+    def _compare_charts(self, system: System, space: StateSpace, x: Array, u: Array, when: Any, z: Array) -> None:
+        """Compare those of a step between states that are no plain vectors, and the space's own."""
+        n, at = space.ndx, np.concatenate([np.zeros(space.ndx), u])
+        step = StepInCharts(space, lambda x, u: system.f(x, u, when), lambda x, u: system.derivatives(x, u, when), x, u)
+        A, B = system.derivatives(x, u, when)
+        J = central_differences(step.value, at)
+        self.note("A", A, J[:, :n])
+        self.note("B", B, J[:, n:])
+        if system.has_curvature:
+            H = system.curvature(x, u, when, z)
+            self.note("curvature", H, central_differences(lambda y: z @ step.derivatives(y), at))
             self.note("curvature symmetry", H, H.T)

@@ -9,9 +9,12 @@ from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.numerics.differences import central_differences
 from leastaction.optimal.checks.differences import Errors
+from leastaction.optimal.discrete.charts import along_charts
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.hessians import CostHessian
 from leastaction.optimal.discrete.system import DiscreteSystem, linearized
+from leastaction.optimal.space import StateSpace, moved_by
+from leastaction.optimal.system import space_of
 
 
 def compare_discrete(system: DiscreteSystem, x: ArrayLike, u: ArrayLike, cost: Cost | None, seed: int) -> Errors:
@@ -22,11 +25,24 @@ def compare_discrete(system: DiscreteSystem, x: ArrayLike, u: ArrayLike, cost: C
     rng = np.random.default_rng(seed)
     errors = Errors()
     for k in sorted({0, N // 3, N - 1}):
-        errors.compare(system, states[k], inputs[k], k, rng.standard_normal(nx))
+        errors.compare(system, states[k], inputs[k], k, rng.standard_normal(system.ndx))
     _compare_rollout(system, states, inputs, rng, errors)
     _compare_whole(system, states, inputs, rng, errors)
     if cost is not None:
-        _compare_cost(cost, states, inputs, rng, errors)
+        _compare_cost(cost, system.charts(), states, inputs, rng, errors)
+    return errors
+
+
+def compare_cost(cost: Cost, x: ArrayLike, u: ArrayLike, seed: int) -> Errors:
+    """Return the same of a cost alone, over states that are what its own `space` says, if it has one."""
+    states, inputs = as_array(x, "x", (None, None), meaning="(N+1, nx)"), as_array(u, "u", (None, None))
+    N = len(inputs)
+    if len(states) != N + 1:
+        raise ArgumentError(f"x, u: got {len(states)} states and {N} inputs, expected one state more than inputs")
+    cost.check_shapes(N, states.shape[1], inputs.shape[1])
+    errors = Errors()
+    space = space_of(getattr(cost, "space", None))
+    _compare_cost(cost, space, read_only(states.copy()), read_only(inputs.copy()), np.random.default_rng(seed), errors)
     return errors
 
 
@@ -35,8 +51,8 @@ def _compare_rollout(system: DiscreteSystem, x: Array, u: Array, rng: np.random.
 
     Two roll-outs, each on its own, would part: an unstable system amplifies their rounding at every step.
     """
-    N, nx, nu = system.N, system.nx, system.nu
-    K = 0.1 * rng.standard_normal((N, nu, nx))
+    N, ndx, nu = system.N, system.ndx, system.nu
+    K = 0.1 * rng.standard_normal((N, nu, ndx))
     part = system.rollout(x[0], x, u, K, 0, min(N, 10))
     done = part.steps_done
     states = read_only(part.x)
@@ -57,12 +73,12 @@ def _compare_rollout(system: DiscreteSystem, x: Array, u: Array, rng: np.random.
 
 def _compare_whole(system: DiscreteSystem, x: Array, u: Array, rng: np.random.Generator, errors: Errors) -> None:
     """Hold the derivatives over the whole horizon to those of single steps."""
-    N, nx = system.N, system.nx
+    N, ndx = system.N, system.ndx
     try:
         linearization = linearized(system, x, u)
     except StepError:
         # A step may be looked for near the next state that is given: that of a curve can be far off.
-        run = system.rollout(x[0], x, u, np.zeros((N, system.nu, nx)), 0, N)
+        run = system.rollout(x[0], x, u, np.zeros((N, system.nu, ndx)), 0, N)
         if not run.complete:
             raise
         x, u = read_only(run.x), read_only(run.u)
@@ -73,22 +89,27 @@ def _compare_whole(system: DiscreteSystem, x: Array, u: Array, rng: np.random.Ge
     errors.note("linearize", A[steps], np.stack([A_k for A_k, _ in singles]))
     errors.note("linearize", B[steps], np.stack([B_k for _, B_k in singles]))
     if system.has_curvature:
-        z = read_only(rng.standard_normal((N + 1, nx)))
+        z = read_only(rng.standard_normal((N + 1, ndx)))
         H = linearization.curvature(z)
         single = np.stack([system.curvature(x[k], u[k], k, z[k + 1]) for k in steps])
         errors.note("curvatures", H[steps], single)
 
 
-def _compare_cost(cost: Cost, x: Array, u: Array, rng: np.random.Generator, errors: Errors) -> None:
+def _compare_cost(
+    cost: Cost, space: StateSpace | None, x: Array, u: Array, rng: np.random.Generator, errors: Errors
+) -> None:
     """Along a random direction over the whole curve."""
-    dx, du = rng.standard_normal(x.shape), rng.standard_normal(u.shape)
+    dx = rng.standard_normal((len(x), x.shape[1] if space is None else space.ndx))
+    du = rng.standard_normal(u.shape)
 
     def value(s: Array) -> Array:
-        return np.array([cost.value(x + s * dx, u + s * du)])
+        return np.array([cost.value(moved_by(space, x, s * dx), u + s * du)])
 
     def slope(s: Array) -> Array:
-        q, r, q_final = cost.gradient(x + s * dx, u + s * du)
-        return np.array([np.sum(q * dx[:-1]) + np.sum(r * du) + q_final @ dx[-1]])
+        there = moved_by(space, x, s * dx)
+        q, r, q_final = cost.gradient(there, u + s * du)
+        on = dx if space is None else along_charts(space, x, there, dx)
+        return np.array([np.sum(q * on[:-1]) + np.sum(r * du) + q_final @ on[-1]])
 
     def form(weight: Array, left: Array, right: Array) -> float:
         if weight.ndim == 1 or weight.shape[-1] == 1 != right.shape[-1]:

@@ -124,7 +124,7 @@ class QuadraticCollocationCost(CollocationCost):
 
 def collocation_cost(cost: ContinuousCost, mesh: RadauMesh, layout: NodeLayout) -> CollocationCost:
     """Return a cost on a mesh, in the way that is fastest for it."""
-    if type(cost) is ContinuousQuadraticCost:
+    if type(cost) is ContinuousQuadraticCost and cost.space is None:
         t = float(mesh.breaks[0])
         if cost.Q.at(t).ndim == cost.R.at(t).ndim == 1:
             return QuadraticCollocationCost(cost, mesh, layout)

@@ -15,6 +15,7 @@ from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.collocation.cost import AnyCollocationCost, collocation_cost
 from leastaction.optimal.collocation.limits import Stated, stated, told
 from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
+from leastaction.optimal.collocation.own_projection import projection_on
 from leastaction.optimal.collocation.system import CollocationSystem
 from leastaction.optimal.continuous.cost import ContinuousCost, ContinuousQuadraticCost
 from leastaction.optimal.continuous.problem import ContinuousProblem
@@ -147,7 +148,10 @@ class CollocationProblem(BarrierProblem):
         self.sides = stated(self.stated_limits, own.system, mesh, 1 if self.free_start is False else 0)
         cost = collocation_cost(own.cost, mesh, system.layout)
         clock, rollouts = getattr(self, "clock", own.clock), self.rollouts
-        super().__init__(system, cost, list(_rows(self.sides)), self.settings, self.free_start)
+        settings = self.settings
+        if own.projection is not None:
+            settings = settings.changed(projection=projection_on(own.projection, own.system, mesh, system.layout))
+        super().__init__(system, cost, list(_rows(self.sides)), settings, self.free_start)
         self.clock, self.rollouts = clock, rollouts
 
     def _with(self, rows: list[Rows], settings: Options) -> LimitedProblem:

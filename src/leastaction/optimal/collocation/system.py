@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -145,7 +146,7 @@ class CollocationSystem(DiscreteSystem):
         n, nx, t = states.shape[0], self.system.nx, self.mesh.t[pieces].ravel()
         try:
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                A = self.system.linearize(states.reshape(-1, nx), u.reshape(n * STAGES, -1), t).A
+                A, _ = self.system.linearize(states.reshape(-1, nx), u.reshape(n * STAGES, -1), t)
         except (LeastActionError, ArithmeticError):
             return [None] * n
         matrices = _newton_matrix(self.mesh.h[pieces, None, None], A.reshape(n, STAGES, nx, nx))
@@ -166,7 +167,8 @@ class CollocationSystem(DiscreteSystem):
             for made in range(1, _MOST_ITERATIONS + 1):
                 residual = x + h * (MATRIX @ self.system.rates(states, u, t)) - states
                 if factors is None:
-                    factors = _factored(_newton_matrix(h, self.system.linearize(states, u, t).A))
+                    slopes, _ = self.system.linearize(states, u, t)
+                    factors = _factored(_newton_matrix(h, slopes))
                 step = _solved(factors, residual.ravel()).reshape(states.shape)
                 states = states + step
                 if not np.isfinite(states).all():
@@ -224,7 +226,8 @@ class CollocationSystem(DiscreteSystem):
         N, nx, nu, h = self.N, self.system.nx, self.system.nu, self.mesh.h[:, None, None]
         states, inputs = self.points(x, u)
         flat = states.reshape(-1, nx), inputs.reshape(-1, nu), self.mesh.t.ravel()
-        along = self.system.linearize(*flat)
+        found: Any = self.system.linearize(*flat)  # a user's may be a bare pair
+        along = found if isinstance(found, Linearization) else Linearization(*found)
         A, B = along.A.reshape(N, STAGES, nx, nx), along.B.reshape(N, STAGES, nx, nu)
         size = STAGES * nx
         matrices = _newton_matrix(h, A)

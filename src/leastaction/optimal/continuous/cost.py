@@ -13,8 +13,9 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
-from leastaction.optimal.cost import check_weight, matrix_of, owned, weigh
-from leastaction.optimal.system import difference
+from leastaction.optimal.cost import check_weight, deviations, matrix_of, owned, weigh
+from leastaction.optimal.space import StateSpace
+from leastaction.optimal.system import System, space_of
 
 
 class RateGradient(NamedTuple):
@@ -109,6 +110,8 @@ class ContinuousQuadraticCost(ContinuousCost):
         Wanted last state; x_wanted at the end if left out.
     jumps : sequence of float, optional
         Times (s) where a function that was given jumps, or its slope. Those of a `PiecewisePolynomial` are known.
+    space : StateSpace or System, optional
+        How states differ, as of a `QuadraticCost`: Q and Q_final then weigh ndx numbers.
 
     Raises
     ------
@@ -131,7 +134,9 @@ class ContinuousQuadraticCost(ContinuousCost):
         Q_final: ArrayLike | None = None,
         x_final: ArrayLike | None = None,
         jumps: Sequence[float] = (),
+        space: StateSpace | System | None = None,
     ) -> None:
+        self.space = space_of(space)
         self.x_wanted, self.u_wanted = (TimeFunction(x_wanted, "x_wanted"), TimeFunction(u_wanted, "u_wanted"))
         self.Q, self.R = TimeFunction(Q, "Q"), TimeFunction(R, "R")
         self.Q_final = None if Q_final is None else owned(Q_final, "Q_final")
@@ -148,49 +153,66 @@ class ContinuousQuadraticCost(ContinuousCost):
     def check(self, t0: float, tf: float, nx: int, nu: int) -> None:
         self.x_wanted.check(t0, tf, (nx,), what="(nx,)")
         self.u_wanted.check(t0, tf, (nu,), what="(nu,)")
+        ndx = nx if self.space is None else self.space.ndx
         for weight, n, what, definite in (
-            (self.Q, nx, "(nx,) or (nx, nx)", False),
+            (self.Q, ndx, "(nx,) or (nx, nx)", False),
             (self.R, nu, "(nu,) or (nu, nu)", True),
         ):
             for value in weight.check(t0, tf, (n,), (n, n), what=what):
                 _check(value, weight.name, definite=definite)
         if self.Q_final is not None:
-            as_array(self.Q_final, "Q_final", (nx,), (nx, nx), meaning="(nx,) or (nx, nx)")
+            as_array(self.Q_final, "Q_final", (ndx,), (ndx, ndx), meaning="(nx,) or (nx, nx)")
         if self.x_final is not None:
             as_array(self.x_final, "x_final", (nx,), meaning="(nx,)")
 
     def rate(self, x: Array, u: Array, t: float) -> float:
-        dx, du = difference(x, self.x_wanted.at(t)), u - self.u_wanted.at(t)
+        dx, du = self._off(x, self.x_wanted.at(t)), u - self.u_wanted.at(t)
         Q, R = self.Q.at(t), self.R.at(t)
         weighed = dx @ (Q * dx if Q.ndim == 1 else Q @ dx) + du @ (R * du if R.ndim == 1 else R @ du)
         return 0.5 * float(weighed)
 
     def rates(self, x: Array, u: Array, t: Array) -> Array:
-        dx, du = difference(x, self.x_wanted.samples(t)), u - self.u_wanted.samples(t)
+        dx, du = self._off(x, self.x_wanted.samples(t)), u - self.u_wanted.samples(t)
         weighed = weigh(_as_stages(self.Q.samples(t)), dx), weigh(_as_stages(self.R.samples(t)), du)
         return np.asarray(0.5 * (np.sum(dx * weighed[0], axis=1) + np.sum(du * weighed[1], axis=1)))
 
     def gradient(self, x: Array, u: Array, t: Array) -> RateGradient:
-        return RateGradient(
-            weigh(_as_stages(self.Q.samples(t)), difference(x, self.x_wanted.samples(t))),
-            weigh(_as_stages(self.R.samples(t)), u - self.u_wanted.samples(t)),
-        )
+        Q, wanted = _as_stages(self.Q.samples(t)), self.x_wanted.samples(t)
+        pull = weigh(_as_stages(self.R.samples(t)), u - self.u_wanted.samples(t))
+        if self.space is None:
+            return RateGradient(weigh(Q, x - wanted), pull)
+        return RateGradient(deviations(self.space, Q, x, wanted).gradient, pull)
 
     def hessian(self, x: Array, u: Array, t: Array) -> RateHessian:  # noqa: ARG002
-        Q, R = (matrix_of(_as_stages(weight.samples(t))) for weight in (self.Q, self.R))
-        return RateHessian(Q, R, None)
+        Q, R = (_as_stages(weight.samples(t)) for weight in (self.Q, self.R))
+        if self.space is None:
+            return RateHessian(matrix_of(Q), matrix_of(R), None)
+        found = deviations(self.space, Q, x, self.x_wanted.samples(t))
+        return RateHessian(found.squares + found.bend, matrix_of(R), None)
 
     def final_value(self, x: Array, t: float) -> float:
-        return 0.5 * float(difference(x, self._wanted_last(t)) @ self.final_gradient(x, t))
+        if self.Q_final is None:
+            return 0.0
+        off = self._off(x, self._wanted_last(t))
+        return 0.5 * float(off @ weigh(self.Q_final, off[None])[0])
 
     def final_gradient(self, x: Array, t: float) -> Array:
-        result: Array = self.final_hessian(x, t) @ difference(x, self._wanted_last(t))
-        return result
+        if self.space is None or self.Q_final is None:
+            result: Array = self.final_hessian(x, t) @ self._off(x, self._wanted_last(t))
+            return result
+        return np.asarray(deviations(self.space, self.Q_final, x[None], self._wanted_last(t)[None]).gradient[0])
 
-    def final_hessian(self, x: Array, t: float) -> Array:  # noqa: ARG002
+    def final_hessian(self, x: Array, t: float) -> Array:
         if self.Q_final is None:
-            return np.zeros((x.size, x.size))
-        return matrix_of(self.Q_final)
+            n = x.size if self.space is None else self.space.ndx
+            return np.zeros((n, n))
+        if self.space is None:
+            return matrix_of(self.Q_final)
+        found = deviations(self.space, self.Q_final, x[None], self._wanted_last(t)[None])
+        return np.asarray((found.squares + found.bend)[0])
+
+    def _off(self, x: Array, wanted: Array) -> Array:
+        return x - wanted if self.space is None else self.space.difference(x, wanted)
 
     def _wanted_last(self, t: float) -> Array:
         if self.x_final is not None:

@@ -22,6 +22,7 @@ from leastaction.optimal.continuous.model import (
     with_curvature,
     with_identities,
 )
+from leastaction.optimal.continuous.own_projection import checked_gains, feedback_of, weights_as_cost
 from leastaction.optimal.continuous.projection import Follower, roll_out
 from leastaction.optimal.continuous.riccati import (
     ContinuousLinearQuadraticSolution,
@@ -90,7 +91,8 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         self.cost = cost
         self.accuracy = accuracy
         self.has_curvature = self.tells_saddles = system.has_curvature
-        self.own_regulator = settings.regulator == "lqr"
+        self.projection = settings.projection  # of a user
+        self.own_regulator = settings.regulator == "lqr" or self.projection is not None
         self.jumps = tuple(sorted({*system.jumps, *cost.jumps}))
 
         # The current iterate, and the gains of the projection that led to it.
@@ -205,6 +207,8 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
 
     def _regulate(self) -> PiecewisePolynomial:
         """Return gains about the current curve: of the cost's own regulator, if it has one."""
+        if self.projection is not None:
+            return self._own_feedback()
         solution = self._solve("quasi-newton", 0.0)
         if not solution.definite:
             solution = self._solve_regulator()
@@ -212,11 +216,16 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
             self.quasi_newton = solution
         return solution.feedback
 
+    def _own_feedback(self) -> PiecewisePolynomial:
+        """Return the projection's own gains, as they were given or of a regulator with its own weights."""
+        gains = None if self.projection is None else checked_gains(self.projection, self.system)
+        return self._solve_regulator().feedback if gains is None else feedback_of(gains)
+
     # ---- Directions -----------------------------------------------------------------------------
 
     def minimise_model(self, method: str, scale: float, shift: float = 0.0) -> ContinuousLinearQuadraticSolution:
         if self.own_regulator and self.feedback is None:
-            self.gain = self.feedback = self._solve_regulator().feedback
+            self.gain = self.feedback = self._own_feedback()
         if method != "quasi-newton" or shift > 0.0:
             return self._solve(method, scale, shift)
         if self.quasi_newton is None:
@@ -323,12 +332,25 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
             return solve_samples(mesh, samples, Q_final, q_final, accuracy=self.accuracy, jumps=self.jumps, **options)
 
     def _solve_regulator(self) -> ContinuousLinearQuadraticSolution:
-        """Return the LQR with identities as weights about the current curve."""
+        """Return the LQR about the current curve, with weights that were given or identities."""
         model = self._model()
+        if self.projection is not None:
+            return self._with_weights(model)
         samples = with_identities(model.samples)
         samples = samples._replace(q=np.zeros_like(samples.q), r=np.zeros_like(samples.r))
         nx = self.system.nx
         return self._minimum(samples, np.eye(nx), np.zeros(nx))
+
+    def _with_weights(self, model: TangentModel) -> ContinuousLinearQuadraticSolution:
+        samples, t, nx, nu = model.samples, model.mesh.t, self.system.nx, self.system.nu
+        cost = weights_as_cost(self.projection, self.system, self.trajectory.t0, self.trajectory.tf)
+        Q, R, _ = cost.hessian(np.zeros((len(t), nx)), np.zeros((len(t), nu)), t)
+        samples = with_identities(samples)._replace(Q=Q, R=R, q=np.zeros_like(samples.q), r=np.zeros_like(samples.r))
+        final = cost.final_hessian(np.zeros(nx), self.trajectory.tf)
+        solution = self._minimum(samples, final, np.zeros(nx))
+        if not solution.definite:
+            raise ArgumentError(f"projection: there is no regulator with these weights: {solution.message}")
+        return solution
 
     def _model(self) -> TangentModel:
         """Return linearisation and cost along the current curve."""

@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import restore_state, saved_state
-from leastaction.optimal.cost import as_weight, clipped, final_of, matrix_of, owned, weigh
+from leastaction.optimal.cost import Deviations, as_weight, clipped, deviations, final_of, matrix_of, owned, weigh
 from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
 from leastaction.optimal.discrete.system import check_window
-from leastaction.optimal.system import difference
+from leastaction.optimal.space import StateSpace
+from leastaction.optimal.system import System, space_of
 
 
 class CostGradient(NamedTuple):
@@ -23,9 +24,9 @@ class CostGradient(NamedTuple):
 
     Attributes
     ----------
-    q, r : ndarray (N, nx), (N, nu)
+    q, r : ndarray (N, ndx), (N, nu)
         ``dl/dx`` and ``dl/du``.
-    q_final : ndarray (nx,)
+    q_final : ndarray (ndx,)
         ``dm/dx``.
     """
 
@@ -37,7 +38,8 @@ class CostGradient(NamedTuple):
 class Cost(ABC):
     """A cost that is a sum over the stages and a final term.
 
-    Everything is vectorised over time; the arrays given are read-only. A cost whose methods are pure may serve
+    Everything is vectorised over time; the arrays given are read-only. Derivatives by states that are no plain vectors
+    are by the dx of ``system.plus(x, dx)`` at zero: ndx is nx of all others. A cost whose methods are pure may serve
     several threads at once. `check_derivatives` holds a cost of yours to its identities.
     """
 
@@ -137,6 +139,8 @@ class QuadraticCost(Cost):
     ``1/2 sum_k { (x - x_wanted)'Q(x - x_wanted) + (u - u_wanted)'R(u - u_wanted) }
     + 1/2 (x_N - x_wanted_N)' Q_final (x_N - x_wanted_N)``
 
+    Of states that are no plain vectors, ``x - x_wanted`` is ``space.difference(x, x_wanted)``, with ndx numbers.
+
     Parameters
     ----------
     x_wanted : array_like (N+1, nx)
@@ -149,6 +153,8 @@ class QuadraticCost(Cost):
         whatever N is. Q must be positive semidefinite, R positive definite.
     Q_final : array_like (nx,) or (nx, nx), optional
         Weight of the last state; that of Q's last stage if left out.
+    space : StateSpace or System, optional
+        How states differ: a space, or a system whose states are no plain vectors. Subtracted if left out.
 
     Raises
     ------
@@ -165,8 +171,16 @@ class QuadraticCost(Cost):
     __getstate__, __setstate__ = saved_state, restore_state
 
     def __init__(
-        self, x_wanted: ArrayLike, u_wanted: ArrayLike, *, Q: ArrayLike, R: ArrayLike, Q_final: ArrayLike | None = None
+        self,
+        x_wanted: ArrayLike,
+        u_wanted: ArrayLike,
+        *,
+        Q: ArrayLike,
+        R: ArrayLike,
+        Q_final: ArrayLike | None = None,
+        space: StateSpace | System | None = None,
     ) -> None:
+        self.space = space_of(space)
         self.x_wanted, self.u_wanted = owned(x_wanted, "x_wanted"), owned(u_wanted, "u_wanted")
         x_shape, u_shape = self.x_wanted.shape, self.u_wanted.shape
         if len(x_shape) != 2 or len(u_shape) != 2 or x_shape[0] != u_shape[0] + 1 or u_shape[0] == 0:
@@ -175,7 +189,11 @@ class QuadraticCost(Cost):
                 "(N, nu): one state more than inputs."
             )
         N, nu = u_shape
-        nx = x_shape[1]
+        nx = x_shape[1] if self.space is None else self.space.ndx
+        if self.space is not None and self.space.nx != x_shape[1]:
+            raise ArgumentError(f"x_wanted: got shape {x_shape}, expected (N+1, {self.space.nx}), states of the space")
+        if self.space is not None:
+            self.space.check(self.x_wanted, "x_wanted")
         self.Q = as_weight(Q, "Q", nx, stages=N, definite=False)
         self.R = as_weight(R, "R", nu, stages=N, definite=True)
         if Q_final is None:
@@ -197,23 +215,44 @@ class QuadraticCost(Cost):
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
         part = slice(start, start + len(u))
         values: Array = 0.5 * (
-            _form(_stages(self.Q, part), difference(x, self.x_wanted[part]))
+            _form(_stages(self.Q, part), self._off(x, self.x_wanted[part]))
             + _form(_stages(self.R, part), u - self.u_wanted[part])
         )
         return values
 
     def final_value(self, x: Array) -> float:
-        return 0.5 * float(_form(self.Q_final, difference(x, self.x_wanted[-1])[None])[0])
+        return 0.5 * float(_form(self.Q_final, self._off(x, self.x_wanted[-1])[None])[0])
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
-        dx, du = difference(x, self.x_wanted), u - self.u_wanted
-        return CostGradient(weigh(self.Q, dx[:-1]), weigh(self.R, du), weigh(self.Q_final, dx[-1:])[0])
+        du = weigh(self.R, u - self.u_wanted)
+        if self.space is not None:
+            stages, last = self._deviations(self.space, x)
+            return CostGradient(stages.gradient, du, last.gradient[0])
+        dx = x - self.x_wanted
+        return CostGradient(weigh(self.Q, dx[:-1]), du, weigh(self.Q_final, dx[-1:])[0])
 
     def hessian(self, x: Array, u: Array) -> CostHessian:  # noqa: ARG002
-        return CostHessian(self.Q, self.R, None, self.Q_final)
+        if self.space is None:
+            return CostHessian(self.Q, self.R, None, self.Q_final)
+        stages, last = self._deviations(self.space, x)
+        return CostHessian(stages.squares + stages.bend, self.R, None, (last.squares + last.bend)[0])
 
     def convex_hessian(self, x: Array, u: Array) -> CostHessian:
-        return self.hessian(x, u) if type(self) is QuadraticCost else super().convex_hessian(x, u)
+        if type(self) is not QuadraticCost:
+            return super().convex_hessian(x, u)
+        if self.space is None:
+            return self.hessian(x, u)
+        stages, last = self._deviations(self.space, x)
+        return CostHessian(stages.squares, self.R, None, last.squares[0])
+
+    def _off(self, x: Array, wanted: Array) -> Array:
+        return x - wanted if self.space is None else self.space.difference(x, wanted)
+
+    def _deviations(self, space: StateSpace, x: Array) -> tuple[Deviations, Deviations]:
+        """Return the derivatives of what states cost: of the stages, and of the last."""
+        wanted = self.x_wanted
+        stages = deviations(space, self.Q, x[:-1], wanted[:-1])
+        return stages, deviations(space, self.Q_final, x[-1:], wanted[-1:])
 
     @property
     def wanted_states(self) -> Array:
@@ -234,7 +273,7 @@ class QuadraticCost(Cost):
         if type(self) is not QuadraticCost:
             return super().eased(ease)
         weights = {"Q": self.Q, "R": ease * self.R, "Q_final": self.Q_final / np.sqrt(ease)}
-        return QuadraticCost(self.x_wanted, self.u_wanted, **weights), self.u_wanted
+        return QuadraticCost(self.x_wanted, self.u_wanted, **weights, space=self.space), self.u_wanted
 
     def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
         if type(self) is not QuadraticCost:
@@ -248,6 +287,7 @@ class QuadraticCost(Cost):
             Q=_stages(self.Q, part),
             R=_stages(self.R, part),
             Q_final=self.Q_final if stop == N else _weight_at(self.Q, stop),
+            space=self.space,
         )
 
 

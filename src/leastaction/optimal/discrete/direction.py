@@ -10,6 +10,7 @@ import numpy as np
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.loop import Direction
+from leastaction.optimal.space import StateSpace, moved_by
 
 
 class Iterate(NamedTuple):
@@ -42,8 +43,8 @@ class DiscreteDirection(Direction):
     ``(xbar, ubar) = xi + s dxi`` is ``u - s C - K (x - x_now)``: the direction dxi itself is never needed, only its
     feedforward C. With other gains it is, and `dx`, `du` are given.
 
-    ``gain`` (N, nu, nx): gains of the projection. ``C`` (N, nu): feedforward of the model's solution. ``dx``, ``du``:
-    the direction, if the projection has gains of its own. ``dx0`` (nx,): that of the initial state, if it is free.
+    ``gain`` (N, nu, ndx): gains of the projection. ``C`` (N, nu): feedforward of the model's solution. ``dx``, ``du``:
+    the direction, if the projection has gains of its own. ``dx0`` (ndx,): that of the initial state, if it is free.
     ``limited`` (n,): change of the values of all limits along it, if there are some. ``duals`` (n,): theirs at its end,
     if these are known. ``promise``, ``reach``: by how much a step of a length lowers cost and barriers where these are
     themselves in the model; NaN where that is not known. ``among``: of a direction among curves with gaps.
@@ -65,8 +66,8 @@ class DiscreteDirection(Direction):
         """The gains, as those of a linear law."""
         return self.gain
 
-    def curve(self, x: Array, u: Array, length: float) -> tuple[Array, Array]:
+    def curve(self, space: StateSpace | None, x: Array, u: Array, length: float) -> tuple[Array, Array]:
         """Return the curve whose projection is the iterate at this step length."""
         if self.dx is None or self.du is None:
             return x, u - length * self.C
-        return x + length * self.dx, u + length * self.du
+        return moved_by(space, x, length * self.dx), u + length * self.du

@@ -133,10 +133,10 @@ class EasedProblem(ShootingProblem):
         eased = None if self.is_open else self.asked.eased(_EASIEST)
         if eased is None:
             return False
-        N, nx, nu = self.system.N, self.system.nx, self.system.nu
+        N, ndx, nu = self.system.N, self.system.ndx, self.system.nu
 
         def ease() -> bool:
-            start = self._project(np.tile(self.x[0], (N + 1, 1)), eased[1], np.zeros((N, nu, nx)))
+            start = self._project(np.tile(self.x[0], (N + 1, 1)), eased[1], np.zeros((N, nu, ndx)))
             if np.array_equal(start.x, self.x):
                 return False  # Where no step was possible, none is now.
             self._set_stage(_EASIEST)

@@ -12,8 +12,10 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_count
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.optimal.cost import owned
+from leastaction.optimal.discrete.chart_functions import ChartFunctions
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.functions import Curvature, Derivatives, Functions
+from leastaction.optimal.space import StateSpace
 from leastaction.optimal.system import Linearization
 
 StepFunction = Callable[[Any, Any, int], Any]
@@ -101,6 +103,9 @@ class FunctionSystem(DiscreteSystem):
     curvature : callable or "differences", optional
         ``curvature(x, u, k, z) -> (nx+nu, nx+nu)``, or "differences": central differences of
         ``z'[A B]``. Left out: Newton's method is not available.
+    space : StateSpace, optional
+        How states differ and move, where they are no plain vectors, such as ``ProductSpace(Rotations(), Vectors(3))``.
+        Functions that are given for derivatives return those of the step read in charts, (ndx, ...), as `System` says.
 
     Raises
     ------
@@ -109,13 +114,26 @@ class FunctionSystem(DiscreteSystem):
     """
 
     def __init__(
-        self, f: StepFunction, *, nx: int, nu: int, N: int, derivatives: Derivatives, curvature: Curvature | None = None
+        self,
+        f: StepFunction,
+        *,
+        nx: int,
+        nu: int,
+        N: int,
+        derivatives: Derivatives,
+        curvature: Curvature | None = None,
+        space: StateSpace | None = None,
     ) -> None:
         self.nx = as_count(nx, "nx", 1)
         self.nu = as_count(nu, "nu", 1)
         self.N = as_count(N, "N", 1)
         self.has_curvature = curvature is not None
-        self._functions = Functions(f, self.nx, self.nu, derivatives, curvature)
+        self.space = space
+        functions = Functions(f, self.nx, self.nu, derivatives, curvature)
+        if space is not None and space.nx != self.nx:
+            raise ArgumentError(f"space: got one of states with {space.nx} numbers, expected nx = {self.nx}")
+        charts = self.charts()
+        self._functions = functions if charts is None else ChartFunctions(functions, charts)
 
     def f(self, x: Array, u: Array, k: int) -> Array:
         return self._functions.f(x, u, k)

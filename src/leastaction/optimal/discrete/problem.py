@@ -23,6 +23,7 @@ from leastaction.optimal.discrete.linear_quadratic import (
     regulate,
     sweep_forward,
 )
+from leastaction.optimal.discrete.own_projection import own_projection
 from leastaction.optimal.discrete.projection import linearize_along_curve
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, given_start, linearized, told_of
 from leastaction.optimal.discrete.trial import SHORT, leap, try_projection
@@ -30,6 +31,7 @@ from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import Problem
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.space import apart, sizes_of
 from leastaction.optimal.system import Linearization
 
 # Factor in cost over that of its inputs alone by which a projection has lost a curve.
@@ -47,7 +49,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         self, system: DiscreteSystem, cost: Cost, settings: Options, free_start: bool | Sequence[str] = False
     ) -> None:
         super().__init__()
-        self.system = system
+        self.system, self.space = system, system.charts()
         self.free_start = free_start
         self.cost = cost
         self.has_curvature = self.tells_saddles = system.has_curvature
@@ -69,19 +71,20 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
 
         # Memory that is used again. The gains of the last projection (in `held`) outlive the next
         # linear-quadratic problem (solved in `free`), because the adjoint needs them.
-        sizes = (system.N, system.nx, system.nu)
+        sizes = (system.N, system.ndx, system.nu)
         self.free, self.held = Workspace(*sizes), Workspace(*sizes)
-        self.lqr = Workspace(*sizes) if settings.regulator == "lqr" else None
+        self.own_projection = own_projection(settings, system)
+        self.lqr = None if self.own_projection is None else Workspace(*sizes)
         self.old_linearization: Linearization | None = None
 
     # ---- Where to start -------------------------------------------------------------------------
 
     def start(self, initial: tuple[ArrayLike, ArrayLike]) -> None:
         x, self.u = given_start(self.system, initial)
-        N, nx, nu = self.system.N, self.system.nx, self.system.nu
+        N, ndx, nu = self.system.N, self.system.ndx, self.system.nu
         made: Rollout | None = None
         if x.ndim == 1:
-            made = self._project(np.tile(x, (N + 1, 1)), self.u, np.zeros((N, nu, nx)))
+            made = self._project(np.tile(x, (N + 1, 1)), self.u, np.zeros((N, nu, ndx)))
             x = made.x
         self.x = read_only(x)
         self._project_curve(made)
@@ -100,7 +103,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         ``made``: the roll-out that the curve is, if it is known to be one.
         """
         x, u = self.x, self.u
-        N, nx, nu = self.system.N, self.system.nx, self.system.nu
+        N, ndx, nu = self.system.N, self.system.ndx, self.system.nu
         found: list[tuple[float, Rollout, Array]] = []
         failure = ""
 
@@ -117,15 +120,18 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
             found.append((value if np.isfinite(value) else np.inf, projected, gain))
 
         def regulator() -> Array:
+            if self.own_projection is not None and self.own_projection.is_users:
+                return self.own_projection.gains(linearize_along_curve(self.system, x, u), Workspace(N, ndx, nu))
             self.quasi_newton = self._solve("quasi-newton", self.held)
             return self.quasi_newton.K if self.quasi_newton.definite else regulate(*self._linearize())
 
         follow(regulator)
-        if found and float(np.abs(found[0][1].x - x).max()) <= 1e-8 * (1.0 + float(np.abs(x).max())):
+        off = float(np.abs(apart(self.space, found[0][1].x, x)).max()) if found else np.inf
+        if off <= 1e-8 * (1.0 + float(np.abs(x).max())):
             self.gain, self.worst_step = found[0][2], found[0][1].worst_step
             return
         self.forget()
-        follow(lambda: np.zeros((N, nu, nx)))
+        follow(lambda: np.zeros((N, nu, ndx)))
         if not found or found[0][0] > _DEAR * found[-1][0]:
             # The regulator above may not even exist where the curve's next states are no ends of steps.
             along = linearize_along_curve(self.system, x, u)
@@ -141,7 +147,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         self.worst_step = projected.worst_step
 
     def resume(self, result: OptimizationResult) -> None:
-        N, nx, nu = self.system.N, self.system.nx, self.system.nu
+        N, nx, ndx, nu = self.system.N, self.system.nx, self.system.ndx, self.system.nu
         if result.gap > 0.0:
             raise ArgumentError(
                 f"resume: got a result with open gaps (of {result.gap:.2g}), expected a trajectory: give "
@@ -149,7 +155,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
             )
         self.x = read_only(as_array(result.x, "resume.x", (N + 1, nx), meaning="(N+1, nx)"))
         self.u = read_only(as_array(result.u, "resume.u", (N, nu), meaning="(N, nu)"))
-        self.gain = as_array(result.projection_gain, "resume.projection_gain", (N, nu, nx), meaning="(N, nu, nx)")
+        self.gain = as_array(result.projection_gain, "resume.projection_gain", (N, nu, ndx), meaning="(N, nu, nx)")
         self.value = self.cost.value(self.x, self.u)
         self.worst_step = result.worst_step
 
@@ -170,7 +176,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         k = rollout.steps_done
         x = rollout.x[k]
         try:
-            self.system.f(x, ubar[k] - gain[k] @ (x - xbar[k]), k)
+            self.system.f(x, ubar[k] - gain[k] @ self.system.difference(x, xbar[k]), k)
         except StepError as error:
             return str(error).removesuffix(".")
         except ArithmeticError:  # told by the roll-out already
@@ -212,7 +218,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         return direction.dx, direction.du
 
     def _directions_of_start(self) -> Array:
-        """Return the directions (nx, n) in which the initial state may move."""
+        """Return the directions (ndx, n) in which the initial state may move."""
         if self.start_directions is None:
             free = None if isinstance(self.free_start, bool) else self.free_start
             self.start_directions = self.system.start_directions(self.x[0], free)
@@ -285,7 +291,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         dx, du, slope, bend = found
         # A step that is expected to lower the cost by a tenth, but goes no further than a model may hold.
         length = np.sqrt(0.2 * abs(self.value) / -bend)
-        reach = np.abs(dx).max(axis=0) / (1.0 + np.abs(self.x).max(axis=0))
+        reach = np.abs(dx).max(axis=0) / sizes_of(self.space, self.x)
         length = min(length, 0.3 / float(reach.max()))
         return DiscreteDirection(
             "negative-curvature",
@@ -351,11 +357,11 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
 
     def _own_gain(self) -> Array | None:
         """Return the projection's own gains about the current iterate, if it has any."""
-        if self.lqr is None:
+        if self.own_projection is None or self.lqr is None:
             return None
         if self.feedback is None:
             with self.clock("lq"):
-                self.gain = self.feedback = regulate(*self._linearize(), workspace=self.lqr)
+                self.gain = self.feedback = self.own_projection.gains(self._linearize(), self.lqr)
         return self.gain
 
     def forget(self) -> None:
@@ -369,7 +375,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
     # ---- Steps ----------------------------------------------------------------------------------
 
     def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[Iterate] | Refusal:
-        xbar, ubar = direction.curve(self.x, self.u, length)
+        xbar, ubar = direction.curve(self.space, self.x, self.u, length)
         x0 = xbar[0]
         if direction.dx0 is not None:
             try:

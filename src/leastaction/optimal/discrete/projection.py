@@ -1,6 +1,6 @@
 """The projection operator: from any curve to a trajectory of the system (dissertation 6.2.2).
 
-``(x, u) = P(xbar, ubar)`` with ``x_0 = xbar_0``, ``x+ = f(x, u, k)``, ``u = ubar - K (x - xbar)``.
+``(x, u) = P(xbar, ubar)`` with ``x_0 = xbar_0``, ``x+ = f(x, u, k)``, ``u = ubar - K difference(x, xbar)``.
 A trajectory is its own projection, so the dynamics drop out of the optimisation: instead of h over
 trajectories, ``g = h o P`` is minimised over curves.
 
@@ -25,12 +25,12 @@ class ProjectionOperator:
     Parameters
     ----------
     system : DiscreteSystem
-    K : ndarray (N, nu, nx)
+    K : ndarray (N, nu, ndx)
         Gains, such as those of `leastaction.optimal.regulate`.
     """
 
     def __init__(self, system: DiscreteSystem, K: Array) -> None:
-        expected = (system.N, system.nu, system.nx)
+        expected = (system.N, system.nu, system.ndx)
         if K.shape != expected:
             raise ArgumentError(f"K: got shape {K.shape}, expected {expected}, that is (N, nu, nx).")
         self.system = system
@@ -41,7 +41,7 @@ class ProjectionOperator:
         return self.system.rollout(xbar[0], xbar, ubar, self.K, 0, self.system.N)
 
     def derivative(self, linearization: Linearization, dxbar: Array, dubar: Array) -> tuple[Array, Array]:
-        """Return ``DP . (dxbar, dubar)`` at a trajectory with this linearisation (6.11)."""
+        """Return ``DP . (dxbar, dubar)`` (N+1, ndx), (N, nu) at a trajectory with this linearisation (6.11)."""
         A, B = linearization
         dx, du = np.empty_like(dxbar), np.empty_like(dubar)
         dx[0] = dxbar[0]
@@ -50,6 +50,52 @@ class ProjectionOperator:
             dx[k + 1] = A[k] @ dx[k] + B[k] @ du[k]
         return dx, du
 
+    def second_derivative(
+        self, linearization: Linearization, one: tuple[Array, Array], other: tuple[Array, Array]
+    ) -> tuple[Array, Array]:
+        """Return ``D2P . (one, other)`` at a trajectory: how `derivative` along one direction changes along another.
+
+        It solves ``ddx+ = A ddx + B ddu + D2f (dx, du)_1 (dx, du)_2`` with ``ddu = -K ddx`` and ``ddx_0 = 0``, whose
+        (dx, du) are the derivatives along the two.
+
+        Parameters
+        ----------
+        linearization : Linearization
+            Along the trajectory, with its second order.
+        one, other : pair of ndarray (N+1, nx), (N, nu)
+            Directions among curves.
+
+        Returns
+        -------
+        ddx, ddu : ndarray (N+1, nx), (N, nu)
+
+        Raises
+        ------
+        ArgumentError
+            For a system whose states are no plain vectors.
+        NotImplementedError
+            If there is no second order.
+        """
+        if self.system.charts() is not None:
+            raise ArgumentError(
+                f"second_derivative: got a {type(self.system).__name__} whose states are no plain vectors, expected "
+                "plain ones: of others it depends on charts"
+            )
+        A, B = linearization
+        N, n = A.shape[:2]
+        along = [self.derivative(linearization, *direction) for direction in (one, other)]
+        first, second = (np.hstack([dx[:-1], du]) for dx, du in along)
+        bent = np.empty((N, n))
+        for i in range(n):
+            weights = np.zeros((N, n))
+            weights[:, i] = 1.0
+            bent[:, i] = np.einsum("ki,kij,kj->k", first, linearization.curvature(weights), second)
+        ddx, ddu = np.zeros_like(one[0]), np.zeros_like(one[1])
+        for k in range(N):
+            ddu[k] = -self.K[k] @ ddx[k]
+            ddx[k + 1] = A[k] @ ddx[k] + B[k] @ ddu[k] + bent[k]
+        return ddx, ddu
+
 
 def linearize_along_curve(system: DiscreteSystem, x: Array, u: Array) -> Linearization:
     """Return A and B of every step from the states and inputs of a curve that is no trajectory.
@@ -57,8 +103,8 @@ def linearize_along_curve(system: DiscreteSystem, x: Array, u: Array) -> Lineari
     The end of each step is its own, not the curve's next state. A step that cannot be made takes what the one
     before it has, for gains that are good enough to follow the curve somehow.
     """
-    N, nx, nu = system.N, system.nx, system.nu
-    A, B = np.empty((N, nx, nx)), np.empty((N, nx, nu))
+    N, ndx, nu = system.N, system.ndx, system.nu
+    A, B = np.empty((N, ndx, ndx)), np.empty((N, ndx, nu))
     made = np.zeros(N, dtype=bool)
     for k in range(N):
         try:
@@ -67,7 +113,7 @@ def linearize_along_curve(system: DiscreteSystem, x: Array, u: Array) -> Lineari
         except (LeastActionError, ArithmeticError):
             continue
     if not made.any():
-        A[:], B[:] = np.eye(nx), 0.0
+        A[:], B[:] = np.eye(ndx), 0.0
     else:
         # The last step that could be made, or the first one for those before it.
         source = np.maximum.accumulate(np.where(made, np.arange(N), -1))

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import changed
+from leastaction.optimal.discrete.charts import read_at
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.descent import minimise_model
 from leastaction.optimal.discrete.direction import AmongCurves, DiscreteDirection, Iterate
@@ -44,6 +45,7 @@ from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.memory import Gaps, Memory, Place, Start
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.space import apart, moved_by, sizes_of
 from leastaction.optimal.system import Linearization
 
 Gapped = Literal["never", "where needed", "where lost", "at once"]
@@ -97,7 +99,7 @@ class ShootingProblem(DiscreteProblem):
         self.filter = Filter(1.0)
         self.longest = _LONGEST  # iterations with gaps
         self.earlier: Place | None = None  # where it stood before it began again
-        self.spare = Workspace(system.N, system.nx, system.nu)
+        self.spare = Workspace(system.N, system.ndx, system.nu)
 
     # ---- Where to start -------------------------------------------------------------------------
 
@@ -166,21 +168,21 @@ class ShootingProblem(DiscreteProblem):
 
         ``still``: whether an initial state alone is held, and not the motion that it leads to.
         """
-        N, nx, nu = self.system.N, self.system.nx, self.system.nu
+        N, ndx, nu = self.system.N, self.system.ndx, self.system.nu
         x, u = start.x, start.u
         if x.ndim == 1 and still:
             x = np.tile(x, (N + 1, 1))
         elif x.ndim == 1:
-            run = self.system.rollout(x, np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, nx)), 0, N)
+            run = self.system.rollout(x, np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, ndx)), 0, N)
             self.rollouts += 1
             # What leads to a step that cannot be made is too violent to begin with: it stands still instead.
             x = run.x if run.complete else np.tile(x, (N + 1, 1))
-        self.size = 1.0 + np.abs(x).max(axis=0)
+        self.size = sizes_of(self.space, x)
         curve = self._evaluate(x, u)
         if isinstance(curve, Refusal):
             return curve
         self.filter, self.penalty, self.costates = Filter(curve.theta), 0.0, None
-        self.gain = np.zeros((N, nu, nx))
+        self.gain = np.zeros((N, nu, ndx))
         self.tells_saddles = False
         self._take(curve)
         return None
@@ -212,7 +214,7 @@ class ShootingProblem(DiscreteProblem):
         """Return what resuming needs beside the iterate."""
         gaps = None
         if self.open_curve is not None:
-            costates = np.zeros((0, self.system.nx)) if self.costates is None else self.costates
+            costates = np.zeros((0, self.system.ndx)) if self.costates is None else self.costates
             pairs = np.array(self.filter.pairs).reshape(-1, 2)
             gaps = Gaps(
                 self.x,
@@ -274,7 +276,7 @@ class ShootingProblem(DiscreteProblem):
             reason = f"{self.system.when(made.worst_at)} would be too coarse, {made.worst_step}"
             return Refusal(reason, made.worst_at, coarsest=made.worst_step)
         x, u = read_only(x), read_only(u)
-        gaps = self.system.difference(made.x, x[1:])
+        gaps = apart(self.space, made.x, x[1:])
         with np.errstate(over="ignore", invalid="ignore"):
             shown = self.cost.value(x, u)
         if not np.isfinite(shown):
@@ -403,7 +405,10 @@ class ShootingProblem(DiscreteProblem):
             return super()._linearize()
         if self.linearization is None:
             with self.clock("linearize"):
-                self.linearization = self.system.linearize_each(self.x, self.u, self.open_curve.ends)
+                steps = self.system.linearize_each(self.x, self.u, self.open_curve.ends)
+            if self.space is not None:
+                steps = read_at(self.space, steps, self.open_curve.ends, self.x[1:])
+            self.linearization = steps
         return self.linearization
 
     def _curvature_along(self, gradient: CostGradient) -> Array:
@@ -501,7 +506,7 @@ class ShootingProblem(DiscreteProblem):
         return law._replace(C=law.C + more)
 
     def _moved(self, dx: Array, du: Array, length: float) -> OpenCurve | Refusal:
-        x, u = self.x + length * dx, self.u + length * du
+        x, u = moved_by(self.space, self.x, length * dx), self.u + length * du
         if self.free_start is not False:
             try:
                 x[0] = self.system.moved_start(self.x[0], length * dx[0])

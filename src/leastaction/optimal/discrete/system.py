@@ -78,16 +78,16 @@ class DiscreteSystem(System):
 
     @abstractmethod
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
-        """Return ``A = df/dx`` (nx, nx) and ``B = df/du`` (nx, nu) of step k."""
+        """Return ``A = df/dx`` (ndx, ndx) and ``B = df/du`` (ndx, nu) of step k."""
 
     def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
-        """Simulate steps ``start .. stop-1`` under the feedback ``u = ubar - K (x - xbar)``.
+        """Simulate steps ``start .. stop-1`` under the feedback ``u = ubar - K difference(x, xbar)``.
 
         Parameters
         ----------
         x0 : ndarray (nx,)
             State at index `start`.
-        xbar, ubar, K : ndarray (N+1, nx), (N, nu), (N, nu, nx)
+        xbar, ubar, K : ndarray (N+1, nx), (N, nu), (N, nu, ndx)
             Reference and gains of the whole horizon; rows are taken at ``k``.
         start, stop : int
             First step, and one past the last.
@@ -148,8 +148,8 @@ class DiscreteSystem(System):
         return self.free_entries(names, what)
 
     def idle_directions(self, x: Array) -> Array:  # noqa: ARG002 - overridden
-        """Return the directions (nx, n) of an initial state on which no motion depends."""
-        return np.zeros((self.nx, 0))
+        """Return the directions (ndx, n) of an initial state on which no motion depends."""
+        return np.zeros((self.ndx, 0))
 
     # ---- Parameters: what can be found together with a motion ---------------------------------------
 
@@ -171,7 +171,7 @@ class DiscreteSystem(System):
         return []
 
     def differentiate_by(self, x: Array, u: Array, names: Sequence[str], start: int = 0) -> Array:
-        """Return the derivatives (n, nx, len(names)) of steps from `start` on along x (n+1, nx), u (n, nu)."""
+        """Return the derivatives (n, ndx, len(names)) of steps from `start` on along x (n+1, nx), u (n, nu)."""
         raise NotImplementedError(f"{type(self).__name__} has no parameters: implement `differentiate_by`.")
 
     def curvature_by_parameters(
@@ -185,12 +185,12 @@ class DiscreteSystem(System):
         """Return second derivatives of steps by some parameters and ``(x, u, these parameters)``, weighted with z.
 
         Of steps as in `curvature_by_final_time`: arrays (n+1, nx), (n, nu), (n, nx) of steps from `start` on, the
-        result (n, P, nx + nu + P). None where the system has none, as here: they are differences then.
+        result (n, P, ndx + nu + P). None where the system has none, as here: they are differences then.
         """
         return None
 
     def curvature_by_final_time(self, x: Array, u: Array, z: Array, start: int = 0) -> Array | None:  # noqa: ARG002
-        """Return the second derivatives (n, nx + nu + 1, nx + nu + 1) of ``z[k] . f`` by (x, u, the final time).
+        """Return the second derivatives (n, ndx + nu + 1, ndx + nu + 1) of ``z[k] . f`` by (x, u, the final time).
 
         Of the same steps as `differentiate_by`, z (n, nx). None where the system has no such derivatives.
         """
@@ -199,16 +199,16 @@ class DiscreteSystem(System):
     def linearize_by(
         self, x: Array, u: Array, names: Sequence[str], out: Linearization | None = None
     ) -> tuple[Linearization, Array]:
-        """Return the linearization along a trajectory, and the derivatives (N, nx, P) of its steps by parameters.
+        """Return the linearization along a trajectory, and the derivatives (N, ndx, P) of its steps by parameters.
 
         ``out``: as of `linearize`.
         """
         found = linearized(self, x, u, out)
-        return found, self.differentiate_by(x, u, names) if names else np.empty((self.N, self.nx, 0))
+        return found, self.differentiate_by(x, u, names) if names else np.empty((self.N, self.ndx, 0))
 
     def start_by_parameters(self, x: Array, names: Sequence[str], free: bool | Sequence[str]) -> Array:  # noqa: ARG002
-        """Return how an initial state x (nx,) has to follow parameters, (nx, len(names)), as far as it is free."""
-        return np.zeros((self.nx, len(names)))
+        """Return how an initial state x (nx,) has to follow parameters, (ndx, len(names)), as far as it is free."""
+        return np.zeros((self.ndx, len(names)))
 
     def time(self, k: int) -> float:
         """Return the time of instant k; its index, of a system that knows no time."""
@@ -251,8 +251,8 @@ class DiscreteSystem(System):
             An earlier result of this system that is not needed any more: its memory is used again.
         """
         if out is None:
-            N, nx, nu = self.N, self.nx, self.nu
-            A, B = np.empty((N, nx, nx)), np.empty((N, nx, nu))
+            N, ndx, nu = self.N, self.ndx, self.nu
+            A, B = np.empty((N, ndx, ndx)), np.empty((N, ndx, nu))
         else:
             A, B = out
         x, u = read_only(x.copy()), read_only(u.copy())
@@ -287,7 +287,7 @@ class DiscreteSystem(System):
     def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:  # noqa: ARG002 - overridden
         """Return the derivatives of every step of a curve, of which `ends` (N, nx) are known: as of `step_each`."""
         x, u = x.copy(), u.copy()
-        nothing = np.zeros((1, self.nx))
+        nothing = np.zeros((1, self.ndx))
 
         def second(z: Array) -> Array:
             return DiscreteSystem.curvatures(self, x, u, np.concatenate([nothing, z]))
@@ -296,7 +296,7 @@ class DiscreteSystem(System):
         return Linearization(A, B, second)
 
     def curvatures(self, x: Array, u: Array, z: Array) -> Array:
-        """Return ``z[k+1] . D2f`` of every step, (N, nx+nu, nx+nu).
+        """Return ``z[k+1] . D2f`` of every step, (N, ndx+nu, ndx+nu).
 
         The second order of `linearize`, unless that brings one of its own.
 
@@ -304,10 +304,10 @@ class DiscreteSystem(System):
         ----------
         x, u : ndarray (N+1, nx), (N, nu)
             Trajectory.
-        z : ndarray (N+1, nx)
+        z : ndarray (N+1, ndx)
             Adjoint; step k is weighted with ``z[k+1]``.
         """
-        n = self.nx + self.nu
+        n = self.ndx + self.nu
         H = np.empty((self.N, n, n))
         x, u, z = read_only(x), read_only(u), read_only(z)
         for k in range(self.N):
@@ -321,9 +321,12 @@ def given_start(system: DiscreteSystem, initial: Any) -> tuple[Array, Array]:
     Copies, which nobody can write to.
     """
     x, u = pair_of(initial)
+    space = system.charts()
     N, nx, nu = system.N, system.nx, system.nu
     states = as_array(x, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
     inputs = as_array(u, "initial u", (N, nu), meaning="(N, nu)")
+    if space is not None:
+        space.check(states, "initial x")
     return read_only(states.copy()), read_only(inputs.copy())
 
 
@@ -349,7 +352,7 @@ def _shown(given: object) -> str:
 
 def _second(system: DiscreteSystem, x: Array, u: Array, z: Array) -> Array:
     """Return the second order of a `Linearization`; z (N, nx), where an adjoint has a row more."""
-    return system.curvatures(x, u, np.concatenate([np.zeros((1, system.nx)), z]))
+    return system.curvatures(x, u, np.concatenate([np.zeros((1, system.ndx)), z]))
 
 
 def linearized(system: DiscreteSystem, x: Array, u: Array, out: Linearization | None = None) -> Linearization:

@@ -12,6 +12,7 @@ from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.direction import Iterate
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.line_search import Refusal, Trial
+from leastaction.optimal.space import apart, sizes_of
 
 SHORT = 0.1
 """Length of a step along which it is looked for leaps."""
@@ -106,9 +107,10 @@ def leap(system: DiscreteSystem, now: Array, foretold: Array, x: Array, length: 
     ``now`` (N+1, nx): states of the current iterate. ``foretold``: by how much the trial was to move them. ``x``: its
     states, up to where it ended. ``length``: of the step.
     """
-    size, n = 1.0 + np.abs(now).max(axis=0), len(x)
+    space, n = system.charts(), len(x)
+    size = sizes_of(space, now)
     expected = np.maximum.accumulate((np.abs(foretold[:n]) / size).max(axis=1))
-    moved = (np.abs(x - now[:n]) / size).max(axis=1)
+    moved = (np.abs(apart(space, x, now[:n])) / size).max(axis=1)
     leaps = np.flatnonzero((moved[1:] > _FAR) & (moved[:-1] < _NEAR) & (expected[1:] < _NEAR))
     if not leaps.size:
         return None

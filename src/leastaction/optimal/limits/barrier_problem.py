@@ -21,6 +21,7 @@ from leastaction.optimal.discrete.problem import least_of
 from leastaction.optimal.discrete.shooting import Gapped, ShootingProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limit_report import LimitReport
+from leastaction.optimal.limits.charts import charted
 from leastaction.optimal.limits.cost import Jacobians, LimitedCost
 from leastaction.optimal.limits.duals import Room
 from leastaction.optimal.limits.leeway import may_be_obstacle, stands_still
@@ -80,8 +81,9 @@ class BarrierProblem(ShootingProblem):
         dearer: float = 1.0,
     ) -> None:
         super().__init__(system, cost, settings, free_start, gapped)
+        rows = charted(rows, self.space)
         check_agreement(rows, system.when)
-        self.limited = LimitedCost(cost, rows, system.nx, system.nu)
+        self.limited = LimitedCost(cost, rows, system.ndx, system.nu)
         self.duals = self.limited.duals
         self.stages = BarrierStages(self.duals, settings.tolerance, _DIGITS, dearer)
         self.settings = settings
@@ -321,7 +323,7 @@ class BarrierProblem(ShootingProblem):
             sigmas[i] = np.where(self._limits()[i] > _ACTIVE * self.duals.scale[i], 0.0, sigmas[i])
         hessian = self._weights(sigmas, 0.0)
         self.weighed = None  # they are written over
-        spare = Workspace(self.system.N, self.system.nx, self.system.nu)
+        spare = Workspace(self.system.N, self.system.ndx, self.system.nu)
         model = minimise_model("quasi-newton", self._linearize(), self._gradient(), hessian, None, spare)
         self._with_start(model, lambda: hessian)
         return not self.undetermined
@@ -581,7 +583,7 @@ class BarrierProblem(ShootingProblem):
     def _last_change(self) -> Sided | None:
         """Return the change of the limits along a direction that is not followed any more; None if there is none."""
         # Memory of its own: the feedback that is told may stand in that of the iteration.
-        spare = Workspace(self.system.N, self.system.nx, self.system.nu)
+        spare = Workspace(self.system.N, self.system.ndx, self.system.nu)
         try:
             method = "newton" if self.has_curvature else "quasi-newton"
             scale = 1.0 if self.has_curvature else 0.0

@@ -33,11 +33,11 @@ class LimitedCost:
     rows : sequence of Rows
         Both sides of equations one after the other.
     nx, nu : int
-        Number of states and inputs.
+        Entries of differences of states, and of inputs.
     """
 
     def __init__(self, cost: Cost, rows: Sequence[Rows], nx: int, nu: int) -> None:
-        self.cost, self.rows = cost, tuple(rows)
+        self.cost, self.rows, self.nx = cost, tuple(rows), nx
         self.duals = Duals(
             [
                 LimitSide(
@@ -122,8 +122,8 @@ class LimitedCost:
             Of what may bend downwards of the limits, as `plain` then has of the cost.
         """
         Q, R, S, Q_final, part = plain
-        N, nx = len(u), x.shape[1]
-        states, inputs = self.of_states.hessian(sigmas, x.shape), self.of_inputs.hessian(sigmas, u.shape)
+        N, nx = len(u), self.nx
+        states, inputs = self.of_states.hessian(sigmas, (N + 1, nx)), self.of_inputs.hessian(sigmas, u.shape)
         few, beside = [self.columns], None  # by which there is a part, and a diagonal in it
         if states is not None:
             Q_final = _with_diagonal(Q_final, states[-1])
@@ -146,7 +146,7 @@ class LimitedCost:
             weights.matrices[:-1, at, at] += beside
         for each, jacobian in zip(self.others, jacobians, strict=True):
             duals = share * each.of(self.duals.y) if share > 0.0 else None
-            each.rows.add_hessian(x, u, jacobian, duals, each.of(sigmas), weights, dynamics)
+            each.rows.add_hessian(x, u, jacobian, duals, each.of(sigmas), weights, dynamics, nx=nx)
         return ModelHessian(Q, R, S, Q_final).weighed(columns, weights.matrices)
 
     def _weights(self, N: int, columns: Instants, *, whole: bool) -> Weights:

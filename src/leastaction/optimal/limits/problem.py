@@ -219,7 +219,10 @@ class LimitedProblem(BarrierProblem):
     def first_step(self, direction: DiscreteDirection, length: float) -> float:
         """Return how far to go at first: no model holds as far as to a motion that lasts much shorter."""
         if self.final_time is not None and direction.dx0 is not None:
-            lasts, change = self.x[0, self.final_time] - self.system.time(0), direction.dx0[self.final_time]
+            lasts, change = (
+                self.x[0, self.final_time] - self.system.time(0),
+                direction.dx0[self.final_time - self.system.nx],
+            )
             if length * change < -_SHORTER * lasts:
                 length = float(-_SHORTER * lasts / change)
         return super().first_step(direction, length)

@@ -211,7 +211,16 @@ class Rows:
                     target[index] -= pull[:, here]
 
     def add_hessian(
-        self, x: Array, u: Array, jacobian: Array, y: Array | None, sigma: Array, to: Weights, dynamics: Array | None
+        self,
+        x: Array,
+        u: Array,
+        jacobian: Array,
+        y: Array | None,
+        sigma: Array,
+        to: Weights,
+        dynamics: Array | None,
+        *,
+        nx: int | None = None,
     ) -> None:
         """Add ``dc' sigma dc - y . d2c``.
 
@@ -227,8 +236,11 @@ class Rows:
         to : Weights
         dynamics : ndarray (N, nx, nx+nu) or None
             ``[A B]``, for what looks ahead.
+        nx : int, optional
+            Entries of a difference of states; those of a state if left out.
         """
-        nx, nz = x.shape[1], x.shape[1] + u.shape[1]
+        nx = x.shape[1] if nx is None else nx
+        nz = nx + u.shape[1]
         columns = self.columns(nx, u.shape[1])
         bent = None if y is None else self.quantity.curvature(self._at(x, u), self.sign * y)
         ahead = columns >= nz

@@ -13,11 +13,13 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_count, as_times
+from leastaction.optimal.discrete.charts import states_between
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.optimizer import optimized
 from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.space import StateSpace
 from leastaction.optimal.starts.stages import StageCallback, StartResult, StartStages, StartStatus, check_options
 
 Build = Callable[[Array], tuple[Any, Any]]
@@ -106,7 +108,7 @@ def coarse_to_fine(
         if best is None or before is None:
             begin = partial(_on, x, u, times, at)
         elif transfer is None:
-            begin = partial(resample, best.x, best.u, before[1], coarse)
+            begin = partial(resample, best.x, best.u, before[1], coarse, space=system.charts())
         else:
             begin = partial(transfer, best, before[0], system)
         result, _ = stages.make(
@@ -132,7 +134,9 @@ def coarse_to_fine(
     return stages.result(status, best.x, best.u, best.cost, reached, best, detail)
 
 
-def resample(x: ArrayLike, u: ArrayLike, t: ArrayLike, times: ArrayLike) -> tuple[Array, Array]:
+def resample(
+    x: ArrayLike, u: ArrayLike, t: ArrayLike, times: ArrayLike, *, space: StateSpace | None = None
+) -> tuple[Array, Array]:
     """Return states and inputs at other times.
 
     Parameters
@@ -141,6 +145,8 @@ def resample(x: ArrayLike, u: ArrayLike, t: ArrayLike, times: ArrayLike) -> tupl
         States at the instants t, inputs held over the steps between them.
     t, times : array_like (n+1,), (N+1,)
         The given times and the wanted ones (s).
+    space : StateSpace, optional
+        How states differ, where they are no plain vectors.
 
     Returns
     -------
@@ -158,7 +164,8 @@ def resample(x: ArrayLike, u: ArrayLike, t: ArrayLike, times: ArrayLike) -> tupl
     states = as_array(x, "x", (n + 1, None), meaning="(n+1, nx)")
     inputs = as_array(u, "u", (n, None), meaning="(n, nu)")
     middle, middles = 0.5 * (old[1:] + old[:-1]), 0.5 * (new[1:] + new[:-1])
-    return columns(states, old, new), columns(inputs, middle, middles)
+    between = columns(states, old, new) if space is None else states_between(space, states, old, new)
+    return between, columns(inputs, middle, middles)
 
 
 def columns(values: Array, t: Array, times: Array) -> Array:

@@ -32,7 +32,9 @@ class ExtendedQuantity(QuantityView):
         super().__init__(own)
         self.system, self.of, self.changing = system, of, changing
         self.fixed = not len(changing)
-        n, nu = system.n_own, system.nu
+        n, nx, nu = system.d_own, system.ndx, system.nu
+        if own.by_entries:
+            n, nx = system.n_own, system.nx
         places = self._own_places(n, nu)
         # How the system's own entries and the parameters follow from entries of the extended system.
         count = len(self.changing)
@@ -40,7 +42,7 @@ class ExtendedQuantity(QuantityView):
         moved = np.flatnonzero(kept.any(axis=0))
         kept = np.vstack([kept[:, moved], np.zeros((count, len(moved)))])
         self._moves = np.hstack([np.eye(len(places) + count), kept]) if len(moved) else None
-        own_places = np.where(places < n, places, places + system.nx - n)
+        own_places = np.where(places < n, places, places + nx - n)
         self._columns = np.concatenate([own_places, n + self.changing, system.at_copies + moved])
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002 - those of the extended system
@@ -120,10 +122,11 @@ class QuantityOfUnknowns(QuantityView):
 
     def __init__(self, system: ExtendedSystem, whole: Quantity) -> None:
         super().__init__(whole)
-        self.places = np.arange(system.n_own, system.at_copies)
+        self.places, self.by_entries = np.arange(system.n_own, system.at_copies), False
+        self.changes = np.arange(system.d_own, system.d_own + len(system.names))
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002 - those of the parameters
-        return self.places
+        return self.changes
 
     def seen(self, at: Samples) -> Samples:
         return at._replace(x=at.x[:, self.places])

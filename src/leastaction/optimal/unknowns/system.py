@@ -21,7 +21,11 @@ from leastaction.numerics.arrays import Array
 from leastaction.numerics.differences import fourth_order
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout
 from leastaction.optimal.quantity import Entries, Quantity, as_slice
+from leastaction.optimal.space import ProductSpace, Vectors
 from leastaction.optimal.system import Linearization
+
+Along = Callable[[Array], tuple[Array, Array, Array]]
+"""Returns a system's A, B and derivatives by parameters at values of these."""
 
 _PART = 1e-3  # of a parameter, by which it is moved for differences
 _SOME = 1e-3  # of the largest entry of a direction is one that belongs to it
@@ -44,9 +48,12 @@ class ExtendedSystem(DiscreteSystem):
     ) -> None:
         self.system, self.names, self.free_start = system, tuple(parameters), free_start
         self.copied = np.array(copied, dtype=np.intp)
-        self.n_own, self.N, self.nu = system.nx, system.N, system.nu
+        self.n_own, self.d_own, self.N, self.nu = system.nx, system.ndx, system.N, system.nu
         self.at_copies = self.n_own + len(self.names)
         self.nx = self.at_copies + len(self.copied)
+        charts = system.charts()
+        if charts is not None:
+            self.space = ProductSpace(charts, Vectors(len(self.names)))
         self.has_curvature = system.has_curvature
         # As a slice, which copies nothing, where they follow each other.
         self.kept: Any = as_slice(self.copied)
@@ -114,12 +121,12 @@ class ExtendedSystem(DiscreteSystem):
 
     def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
         own, values = self.own(x), self.values(x)
-        system, weights = self.at(values), np.ascontiguousarray(z[None, : self.n_own])
+        system, weights = self.at(values), np.ascontiguousarray(z[None, : self.d_own])
         step = np.stack([own, system.f(own, u, k)])
         H, by_time = self._by_final_time(system, step, u[None], weights, k)
         if H is None:
             H = system.curvature(own, u, k, weights[0])[None]
-        along = partial(self._of_step, x=own, u=u, k=k)
+        along = self._read_at(step[1:], partial(self._of_step, x=own, u=u, k=k), lambda s: s.f(own, u, k)[None])
         exact = self._by_parameters(system, step, u[None], weights, k)
         return np.asarray(self._second(H, by_time, values, along, weights, exact)[0])
 
@@ -127,23 +134,23 @@ class ExtendedSystem(DiscreteSystem):
         """Return the system's A, B and derivatives by parameters (1, ...) of a step at values of these."""
         system = self.near(values)
         A, B = system.derivatives(x, u, k)
-        by = np.empty((1, self.n_own, 0))
+        by = np.empty((1, self.d_own, 0))
         if self.names:
             by = system.differentiate_by(np.stack([x, system.f(x, u, k)]), u[None], self.names, k)
         return A[None], B[None], by
 
     def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
-        n, constants = self.n_own, x0[self.n_own :]
+        n, d, constants = self.n_own, self.d_own, x0[self.n_own :]
         try:
             system = self.at(self.values(x0))
         except LeastActionError as error:
             return Rollout(x0[None, :].copy(), ubar[:0], 0, f"{self.when(start)}: {error}")
         part = slice(start, stop)
         # Constants stay, so their feedback is known beforehand.
-        u, gain = ubar.copy(), K[part, :, n:].copy()
+        u, gain = ubar.copy(), K[part, :, d:].copy()
         gain[:, :, len(self.names) :] -= K[part][:, :, self.kept]
         u[part] -= np.einsum("kij,kj->ki", gain, constants - xbar[part, n:])
-        out = system.rollout(self.own(x0), self.own(xbar), u, K[:, :, :n], start, stop)
+        out = system.rollout(self.own(x0), self.own(xbar), u, K[:, :, :d], start, stop)
         x = np.empty((len(out.x), self.nx))
         x[:, :n], x[:, n:] = out.x, constants
         x[:, self.kept] -= x0[self.at_copies :]
@@ -174,12 +181,55 @@ class ExtendedSystem(DiscreteSystem):
             return A, B, by
 
         def second(z: Array) -> Array:
-            weights = np.ascontiguousarray(z[:, : self.n_own])
+            weights = np.ascontiguousarray(z[:, : self.d_own])
             H, by_time = self._by_final_time(system, own, u, weights)
             exact = self._by_parameters(system, own, u, weights)
-            return self._second(lin.curvature(weights) if H is None else H, by_time, values, along, weights, exact)
+            H = lin.curvature(weights) if H is None else H
+            ends = None if self.space is None else system.step_each(own, u).x
+            read = self._read_at(ends, along, lambda other: other.step_each(own, u).x)
+            return self._second(H, by_time, values, read, weights, exact)
 
         return Linearization(A, B, second, lin, self._pattern(lin, out))
+
+    def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
+        """Return the same of a curve, whose parameters and kept entries are those of its first state throughout."""
+        own, values, u = self.own(x), self.values(x[0]).copy(), u.copy()
+        system = self.at(values)
+        steps = np.stack([own[:-1], self.own(ends)], axis=1)
+        lin = system.linearize_each(own, u, steps[:, 1])
+        A, B = self._extended(lin.A, lin.B, self._by_each(system, steps, u))
+
+        def along(moved: Array) -> tuple[Array, Array, Array]:
+            near = self.near(moved)
+            moved_steps = np.stack([own[:-1], ends_of(near)], axis=1)
+            A, B = near.linearize_each(own, u, moved_steps[:, 1])
+            return A, B, self._by_each(near, moved_steps, u)
+
+        def ends_of(other: DiscreteSystem) -> Array:
+            return np.array([other.f(own[k], u[k], k) for k in range(self.N)])
+
+        def second(z: Array) -> Array:
+            weights = np.ascontiguousarray(z[:, : self.d_own])
+            exact, H, by_time = [], [], []
+            for k, (step, each) in enumerate(zip(steps, weights, strict=True)):
+                part = u[k : k + 1], each[None], k
+                exact.append(self._by_parameters(system, step, part[0], part[1], k))
+                found = self._by_final_time(system, step, *part)
+                H.append(found[0])
+                by_time.append(found[1])
+            whole = _together(H)
+            whole = lin.curvature(weights) if whole is None else whole
+            read = self._read_at(steps[:, 1], along, ends_of)
+            return self._second(whole, _together(by_time), values, read, weights, _together(exact))
+
+        return Linearization(A, B, second)
+
+    def _by_each(self, system: DiscreteSystem, steps: Array, u: Array) -> Array:
+        """Return derivatives (N, nx of the system, P) by the parameters of steps, given by both ends (N, 2, nx)."""
+        if not self.names:
+            return np.empty((len(u), self.d_own, 0))
+        found = [system.differentiate_by(step, u[k : k + 1], self.names, k) for k, step in enumerate(steps)]
+        return np.concatenate(found)
 
     def _pattern(self, own: Linearization, last: Linearization | None) -> npt.NDArray[np.bool_] | None:
         """Return which entries of ``[A B]`` may differ from zero, given the system's own, and the last one of this."""
@@ -187,7 +237,7 @@ class ExtendedSystem(DiscreteSystem):
             return None
         if last is not None and isinstance(last.memory, Linearization) and last.memory.pattern is own.pattern:
             return last.pattern
-        n, ones = self.n_own, np.ones((1, self.n_own, len(self.names)))
+        n, ones = self.d_own, np.ones((1, self.d_own, len(self.names)))
         A, B = self._extended(own.pattern[None, :, :n].astype(float), own.pattern[None, :, n:].astype(float), ones)
         A[0, :n, self.at_copies :] = own.pattern[:, self.copied] | np.eye(n, dtype=bool)[:, self.copied]
         return np.asarray(np.concatenate([A[0], B[0]], axis=1) != 0.0)
@@ -205,8 +255,8 @@ class ExtendedSystem(DiscreteSystem):
 
     def _extended(self, A: Array, B: Array, by: Array) -> tuple[Array, Array]:
         """Return A and B of steps of the system, and their derivatives by parameters, as those of extended states."""
-        n, end = self.n_own, self.at_copies
-        whole, inputs = np.zeros((len(A), self.nx, self.nx)), np.zeros((len(A), self.nx, self.nu))
+        n, end = self.d_own, self.d_own + len(self.names)
+        whole, inputs = np.zeros((len(A), self.ndx, self.ndx)), np.zeros((len(A), self.ndx, self.nu))
         whole[:, :n, :n], whole[:, :n, n:end], inputs[:, :n] = A, by, B
         np.einsum("kii->ki", whole)[:, n:] = 1.0
         if len(self.copied):
@@ -214,12 +264,28 @@ class ExtendedSystem(DiscreteSystem):
             whole[:, self.copied, np.arange(end, self.nx)] -= 1.0
         return whole, inputs
 
+    def _read_at(self, ends: Array | None, along: Along, steps: Callable[[DiscreteSystem], Array]) -> Along:
+        """Return derivatives at other parameters in the charts about the ends (n, nx) of steps, which these move.
+
+        ``along``: in the charts about their own ends. ``steps``: returns these ends, of a system.
+        """
+        space = self.system.charts()
+        if space is None or ends is None:
+            return along
+
+        def read(values: Array) -> tuple[Array, Array, Array]:
+            J = space.difference_derivative(steps(self.near(values)), ends)
+            A, B, by = along(values)
+            return J @ A, J @ B, J @ by
+
+        return read
+
     def _second(
         self,
         H: Array,
         by_time: Array | None,
         values: Array,
-        along: Callable[[Array], tuple[Array, Array, Array]],
+        along: Along,
         z: Array,
         exact: Array | None,
     ) -> Array:
@@ -231,7 +297,8 @@ class ExtendedSystem(DiscreteSystem):
         """
         if not self.names:
             return self._by_extended(H)
-        n, count, end = self.n_own, len(self.names), self.at_copies
+        n, count = self.d_own, len(self.names)
+        end = n + count
 
         def slope(moved: Array) -> Array:
             return np.concatenate([np.einsum("ki,kij->kj", z, part) for part in along(moved)], axis=1)
@@ -266,7 +333,7 @@ class ExtendedSystem(DiscreteSystem):
 
     def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
         del free
-        n, count = self.n_own, len(self.names)
+        n, count = self.d_own, len(self.names)
         own = self.own(x)
         if self.free_start is False:
             Z = np.zeros((n, 0))
@@ -277,21 +344,21 @@ class ExtendedSystem(DiscreteSystem):
             idle = self.system.idle_directions(own) if self._told.any() else np.zeros((n, 0))
             if idle.shape[1] and self._told[idle.any(axis=1)].all():
                 Z = np.hstack([Z, idle])
-        whole = np.zeros((self.nx, Z.shape[1] + count))
+        whole = np.zeros((self.ndx, Z.shape[1] + count))
         whole[:n, : Z.shape[1]] = Z
         if count:
             system = self.at(self.values(x))
             whole[:n, Z.shape[1] :] = system.start_by_parameters(own, self.names, self.free_start)
-            whole[n : self.at_copies, Z.shape[1] :] = np.eye(count)
-        whole[self.at_copies :] = whole[self.kept]
+            whole[n : n + count, Z.shape[1] :] = np.eye(count)
+        whole[n + count :] = whole[self.kept]
         whole[self.kept] = 0.0
         return whole
 
     def moved_start(self, x: Array, dx: Array) -> Array:
-        values = self.values(x + dx)
+        values = self.values(x) + dx[self.d_own : self.d_own + len(self.names)]
         own = self.own(x)
         if self.free_start is not False:
-            own = self.at(values).moved_start(own, self.own(dx))
+            own = self.at(values).moved_start(own, self.own(dx) if self.space is None else dx[: self.d_own])
         return self.extended(own, values)
 
     # ---- What it is asked -------------------------------------------------------------------------
@@ -310,13 +377,19 @@ class ExtendedSystem(DiscreteSystem):
         return self.system.input_name(i)
 
     def unknowns_along(self, dx: Array) -> list[str]:
-        parts = np.abs(dx[self.n_own : self.at_copies])
+        parts = np.abs(dx[self.d_own : self.d_own + len(self.names)])
         return [name for name, part in zip(self.names, parts, strict=True) if part > _SOME * np.abs(dx).max()]
 
     def quantity(self, kind: str) -> Quantity:
         if kind != "unknown":
             return self.system.quantity(kind)
         return Entries(self.names, range(self.n_own, self.at_copies), of_state=True)
+
+
+def _together(parts: list[Array | None]) -> Array | None:
+    """Return arrays of steps as one; None where there are none."""
+    known = [part for part in parts if part is not None]
+    return np.concatenate(known) if len(known) == len(parts) else None
 
 
 def stepped(at: Array, j: int, by: float | None = None) -> Array:

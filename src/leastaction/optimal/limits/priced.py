@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal import Cost, DiscreteSystem, Limit
-from leastaction.optimal.discrete.cost import AddedCost, CostGradient
+from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
+from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows, Weights
 from leastaction.optimal.quantity import Instants, Samples, as_slice
 

@@ -1,0 +1,261 @@
+"""A loop that is closed: a plant, readings that are noisy and late, an estimator and a controller.
+
+At instant k the plant stands at ``x_k``. What is read of it, ``y_k = h(x_k) + v_k``, arrives after the delay. An
+estimator makes a state of the readings that have arrived and carries it over the delay with the inputs given since;
+without one the controller is given the reading itself. The input is held over the step, at whose end chance or a push
+moves the plant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.control.kalman import check_estimator
+from leastaction.control.plants import plant_of
+from leastaction.control.predictive import MPC
+from leastaction.control.readings import Measured, Readings, Spread, covariance
+from leastaction.errors import ArgumentError, LeastActionError
+from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, read_only
+from leastaction.numerics.signals import StateLaw, takes_state
+
+Disturbance = Spread | Callable[[float, Array], ArrayLike] | None
+"""What moves the state at the end of each step: standard deviations as of noise, or a function of time and state."""
+
+_MULTIPLE = 1e-6  # of a step by which a delay may be off a multiple
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
+    """What happened in a closed loop.
+
+    Attributes
+    ----------
+    t : ndarray (n+1,)
+        Instants that were reached (s).
+    x : ndarray (n+1, nx)
+        States of the plant.
+    u : ndarray (n, nu)
+        Inputs that were given.
+    y : ndarray (n+1, ny)
+        Readings, when they were taken.
+    estimates : ndarray (n, nx') or None
+        States that the controller was given, where there is an estimator.
+    surprise : ndarray (n,) or None
+        The estimator's normalised innovations squared; NaN before the first reading has arrived.
+    infos : tuple
+        What the controller says of each call (`PredictiveInfo` of an `MPC`); empty of a law.
+    state_names, input_names : tuple of str
+    failure : str or None
+        Why the loop ended early.
+    """
+
+    t: Array
+    x: Array
+    u: Array
+    y: Array
+    estimates: Array | None
+    surprise: Array | None
+    infos: tuple[Any, ...]
+    state_names: tuple[str, ...]
+    input_names: tuple[str, ...]
+    failure: str | None = None
+
+    def __getitem__(self, name: str) -> Array:
+        """Return an entry of the state, or an input, over time by its name."""
+        if name in self.state_names:
+            return np.asarray(self.x[:, self.state_names.index(name)])
+        if name in self.input_names:
+            return np.asarray(self.u[:, self.input_names.index(name)])
+        raise ArgumentError(f"{name!r}: got a name of neither state nor input")
+
+
+def close_loop(
+    plant: object,
+    controller: MPC | StateLaw,
+    x: ArrayLike,
+    t: ArrayLike,
+    *,
+    measure: Measured | None = None,
+    noise: Spread = 0.0,
+    delay: float = 0.0,
+    estimator: Any = None,
+    disturbance: Disturbance = None,
+    substeps: int = 1,
+    seed: int = 0,
+) -> ClosedLoop:
+    """Run a controller on a plant.
+
+    Parameters
+    ----------
+    plant : MidpointVI, DiscreteSystem or ContinuousSystem
+        What is steered: it need not be the controller's model. A `MidpointSystem` steps at the times given here, any
+        other discrete system makes one of its own steps to each; what is in continuous time is integrated.
+    controller : MPC or callable
+        Or a law ``(t, x) -> (nu,)`` such as `Feedback`. It is given estimates, or readings without an estimator.
+    x : array_like (nx,)
+        Where the plant begins.
+    t : array_like (N+1,)
+        When the controller is asked (s), the end included.
+    measure : str, sequence of str, Quantity, callable or array_like, optional
+        What is read, as of `KalmanFilter`; the whole state if left out.
+    noise : float, array_like or mapping, optional
+        Standard deviations of readings, or their covariance.
+    delay : float, optional
+        How late readings arrive (s): a multiple of the step. Before the first has arrived an estimator goes by what it
+        begins with, and without one the controller is given the first.
+    estimator : KalmanFilter, optional
+        Or what has ``predict(u)``, ``correct(y)``, `x` and `system`.
+    disturbance : float, array_like, mapping or callable, optional
+        What is added to the plant's state at the end of each step: at random by standard deviations or a covariance,
+        or a function ``(t, x) -> (nx,)``. Constraints are kept.
+    substeps : int, optional
+        Steps of a `MidpointSystem` to each of the controller's.
+    seed : int, optional
+        Of what is drawn by chance: the same seed gives the same run.
+
+    Returns
+    -------
+    ClosedLoop
+        Up to where the plant or the controller had no next step; it says why.
+
+    Raises
+    ------
+    ArgumentError
+        Unknown names, wrong shapes, a delay that is no multiple of the step, or what is no plant or controller.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from leastaction import JointForce, Mechanism, MidpointVI, tx
+    >>> from leastaction.control import close_loop
+    >>> slide = Mechanism([tx("x", mass=1.0)], [JointForce("x", input="push")])
+    >>> run = close_loop(MidpointVI(slide), lambda t, x: -4.0 * x[:1] - 3.0 * x[1:], [1.0, 0.0], np.arange(101) * 0.1)
+    >>> bool(abs(run["x"][-1]) < 1e-3)
+    True
+    """
+    times = as_times(t)
+    stood = plant_of(plant, times, as_count(substeps, "substeps", 1))
+    late = _late(delay, times)
+    ask = _asked(controller)
+    if estimator is not None:
+        check_estimator(estimator)
+    readings = Readings(stood.system, np.eye(stood.system.nx) if measure is None else measure)
+    drawn = as_count(seed, "seed", 0)
+    rng, pushed = (np.random.default_rng([drawn, which]) for which in (1, 2))
+    V = covariance(noise, readings.names, "noise", definite=False)
+    names = stood.system.state_names
+    root = None
+    if disturbance is not None and not callable(disturbance):
+        root = _root(covariance(disturbance, names, "disturbance", definite=False))
+    at = as_array(x, "x", (stood.system.nx,), names=names)
+    stood.system.check_start(at)
+    seen = getattr(controller, "system", None) or getattr(estimator, "system", None)
+    converts = stood.converts_for(seen)
+    N, noise_root = len(times) - 1, _root(V)
+    states, read = [at], list[Array]()
+    inputs, estimates, surprise, infos = list[Array](), list[Array](), list[float](), list[Any]()
+    failure = None
+
+    def reading(k: int, state: Array) -> Array:
+        return readings(converts(state) if measure is None and estimator is None else state, k) + noise_root @ (
+            rng.standard_normal(readings.ny)
+        )
+
+    read.append(reading(0, at))
+    for k in range(N):
+        now = float(times[k])
+        try:
+            if estimator is None:
+                given = read[max(0, k - late)]
+            else:
+                if k >= late:
+                    if k > late:
+                        estimator.predict(inputs[k - late - 1])
+                    estimator.correct(read[k - late])
+                given = _ahead(estimator, inputs[max(0, k - late) :], max(0, k - late))
+                estimates.append(given)
+                surprise.append(float(getattr(estimator, "surprise", np.nan)))
+            u = as_array(ask(now, given), f"controller({now:g}, x)", (stood.system.nu,), names=stood.system.input_names)
+            if hasattr(controller, "info"):
+                infos.append(controller.info)
+            after = stood.step(at, u, k)
+        except LeastActionError as error:
+            failure = f"the loop ended at t = {now:.6g} s: {error}"
+            break
+        if disturbance is not None:
+            if callable(disturbance):
+                off = as_array(disturbance(float(times[k + 1]), read_only(after)), "disturbance(t, x)", after.shape)
+            else:
+                assert root is not None
+                off = root @ pushed.standard_normal(len(after))
+            if off.any():
+                after = stood.system.moved_start(after, off)
+        if not np.isfinite(after).all():
+            failure = f"the loop ended at t = {times[k + 1]:.6g} s: the plant's state is not finite"
+            break
+        at = after
+        states.append(at)
+        inputs.append(u.copy())
+        read.append(reading(k + 1, at))
+    done = len(inputs)
+    return ClosedLoop(
+        read_only(times[: done + 1]),
+        read_only(np.array(states)),
+        read_only(np.array(inputs).reshape(done, stood.system.nu)),
+        read_only(np.array(read)),
+        read_only(np.array(estimates)) if estimator is not None else None,
+        read_only(np.array(surprise)) if estimator is not None else None,
+        tuple(infos),
+        names,
+        stood.system.input_names,
+        failure,
+    )
+
+
+def _asked(controller: Any) -> Callable[[float, Array], Any]:
+    """Return a controller as a law of time and state."""
+    if not callable(controller) or not takes_state(controller):
+        raise ArgumentError(
+            f"controller: got {type(controller).__name__}, expected an MPC, or a function (t, x) of time and state "
+            "such as a Feedback"
+        )
+    return controller
+
+
+def _late(delay: float, times: Array) -> int:
+    """Return a delay in steps."""
+    seconds, steps = as_number(delay, "delay (s)", least=0.0), np.diff(times)
+    if seconds == 0.0:
+        return 0
+    dt = float(steps[0])
+    count = round(seconds / dt)
+    if float(np.ptp(steps)) > _MULTIPLE * dt:
+        raise ArgumentError("delay: got one with steps of different lengths, expected equal steps")
+    if abs(seconds - count * dt) > _MULTIPLE * dt:
+        raise ArgumentError(
+            f"delay: got {seconds:g} s, which is no multiple of the step of {dt:g} s; expected "
+            f"{max(0, count) * dt:g} s or {(count + 1) * dt:g} s, or give times with a step that divides it"
+        )
+    return count
+
+
+def _root(covariance: Array) -> Array:
+    """Return a matrix whose square is a covariance."""
+    values, vectors = np.linalg.eigh(covariance) if covariance.size else (np.zeros(0), covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _ahead(estimator: Any, inputs: list[Array], first: int) -> Array:
+    """Return what the model says will have become of an estimate under the inputs that were given since."""
+    x = np.asarray(estimator.x)
+    system = getattr(estimator, "system", None)
+    if system is None:
+        return x
+    for i, u in enumerate(inputs):
+        x = np.asarray(system.f(x, u, min(first + i, system.N - 1)))
+    return x

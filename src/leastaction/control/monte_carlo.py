@@ -1,0 +1,145 @@
+"""How robust a closed loop is: many runs of it, with what is not known drawn by chance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.control.closed_loop import ClosedLoop
+from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import Array, as_count, read_only
+from leastaction.numerics.extras import extra
+
+LoopRun = Callable[[np.random.Generator], ClosedLoop]
+"""One run of a loop, in which whatever is drawn is drawn from the generator given."""
+
+
+@dataclass(frozen=True, eq=False)
+class LoopBands:
+    """Many runs of a closed loop.
+
+    Attributes
+    ----------
+    t : ndarray (N+1,)
+        Times of the longest run (s).
+    x, u : ndarray (B, N+1, nx), (B, N, nu)
+        States and inputs of all runs; NaN after the end of one that ended early.
+    failures : tuple of (int, str)
+        Which runs ended early, and why.
+    state_names, input_names : tuple of str
+    """
+
+    t: Array
+    x: Array
+    u: Array
+    failures: tuple[tuple[int, str], ...]
+    state_names: tuple[str, ...]
+    input_names: tuple[str, ...]
+
+    def __getitem__(self, name: str) -> Array:
+        """Return an entry of the state, or an input, of all runs over time (B, N+1) or (B, N)."""
+        if name in self.state_names:
+            return np.asarray(self.x[:, :, self.state_names.index(name)])
+        if name in self.input_names:
+            return np.asarray(self.u[:, :, self.input_names.index(name)])
+        raise ArgumentError(f"{name!r}: got a name of neither state nor input")
+
+    def quantiles(self, name: str, shares: ArrayLike = (0.05, 0.5, 0.95)) -> Array:
+        """Return quantiles over the runs at every instant (len(shares), n), of those that got so far."""
+        return np.asarray(np.nanquantile(self[name], np.asarray(shares), axis=0))
+
+    def plot(self, names: Iterable[str], axes: Any = None) -> Any:
+        """Draw the bands of some quantities, one over the other: all runs, nine in ten, half, and the median.
+
+        Parameters
+        ----------
+        names : iterable of str
+        axes : sequence of matplotlib.axes.Axes, optional
+            One for each name; a new figure if left out.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        MissingExtraError
+            Matplotlib is not installed.
+        """
+        chosen = list(names)
+        plt = extra("matplotlib.pyplot", of="viz", why="LoopBands.plot")
+        if axes is None:
+            _, axes = plt.subplots(len(chosen), 1, sharex=True, squeeze=False, layout="constrained")
+            axes = axes[:, 0]
+        for axis, name in zip(axes, chosen, strict=True):
+            bands = self.quantiles(name, (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0))
+            t = self.t[: bands.shape[1]]
+            for i, label in enumerate(("all", "90 %", "50 %")):
+                axis.fill_between(t, bands[i], bands[-1 - i], color="C0", alpha=0.2, lw=0.0, label=label)
+            axis.plot(t, bands[3], color="C0", label="median")
+            axis.set_ylabel(name)
+        axes[0].legend(loc="upper right", ncols=4, fontsize="small")
+        axes[-1].set_xlabel("t (s)")
+        return axes[0].figure
+
+
+def monte_carlo(
+    run: LoopRun, runs: int, *, seed: int = 0, progress: Callable[[int, int], None] | None = None
+) -> LoopBands:
+    """Run a closed loop many times, with what is drawn by chance drawn anew.
+
+    Parameters
+    ----------
+    run : callable
+        ``run(rng) -> ClosedLoop``: draws a start, parameters (``mechanism.with_parameters``) and noise from a
+        ``numpy.random.Generator``, and closes the loop. Each run gets a generator of its own, by its number: which
+        runs there are beside it changes nothing in one.
+    runs : int
+    seed : int, optional
+    progress : callable, optional
+        Called with the number of runs done and of all.
+
+    Returns
+    -------
+    LoopBands
+
+    Raises
+    ------
+    ArgumentError
+        No run, or one that returns something else.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from leastaction import JointForce, Mechanism, MidpointVI, tx
+    >>> from leastaction.control import close_loop, monte_carlo
+    >>> def run(rng):
+    ...     slide = Mechanism([tx("x", mass=rng.uniform(0.5, 2.0))], [JointForce("x", input="push")])
+    ...     law = lambda t, x: -4.0 * x[:1] - 3.0 * x[1:]
+    ...     return close_loop(MidpointVI(slide), law, [rng.normal(), 0.0], np.arange(101) * 0.1)
+    >>> bands = monte_carlo(run, 20)
+    >>> bands["x"].shape, bool(abs(bands["x"][:, -1]).max() < 0.05)
+    ((20, 101), True)
+    """
+    count, first = as_count(runs, "runs", 1), as_count(seed, "seed", 0)
+    found: list[ClosedLoop] = []
+    for i in range(count):
+        one = run(np.random.default_rng([first, i]))
+        if not isinstance(one, ClosedLoop):
+            raise ArgumentError(f"run: got {type(one).__name__}, expected a function that returns a ClosedLoop")
+        found.append(one)
+        if progress is not None:
+            progress(i + 1, count)
+    longest = max(found, key=lambda each: len(each.t))
+    x = np.full((count, *longest.x.shape), np.nan)
+    u = np.full((count, *longest.u.shape), np.nan)
+    for i, one in enumerate(found):
+        if one.state_names != longest.state_names:
+            raise ArgumentError(f"run {i}: got states {one.state_names}, expected those of the others")
+        x[i, : len(one.x)], u[i, : len(one.u)] = one.x, one.u
+    failures = tuple((i, one.failure) for i, one in enumerate(found) if one.failure is not None)
+    return LoopBands(longest.t, read_only(x), read_only(u), failures, longest.state_names, longest.input_names)

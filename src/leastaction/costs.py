@@ -1,0 +1,24 @@
+"""Costs of a motion, and what a cost of one's own is made of."""
+
+from __future__ import annotations
+
+from leastaction.optimal import (
+    ContinuousCost,
+    ContinuousQuadraticCost,
+    Cost,
+    CostGradient,
+    CostHessian,
+    QuadraticCost,
+    RateGradient,
+    RateHessian,
+)
+from leastaction.systems import PlaceCost, SmoothCost
+
+__all__ = [  # noqa: RUF022 - by topics
+    # In discrete time
+    "PlaceCost", "QuadraticCost", "SmoothCost",
+    # In continuous time
+    "ContinuousQuadraticCost",
+    # Of one's own
+    "ContinuousCost", "Cost", "CostGradient", "CostHessian", "RateGradient", "RateHessian",
+]  # fmt: skip

@@ -1,0 +1,164 @@
+"""Instants between given ones, where steps of the given length do not keep the energy, or cannot be made.
+
+A step is held against two shorter ones from the same state, with the same input and prescribed motion: they have the
+same energy, in the middle and at the end, but for what their lengths do to it. Where they do not, each of the two is
+judged anew. What is decided follows from the state at the start of a given step alone, so that a run that goes on from
+one of these goes on as it did.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+
+from leastaction.mechanics.discrete.integrator import Integrator
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array
+from leastaction.numerics.signals import Signal, signal_rows
+
+_HALVINGS = 12  # of a given step
+# Where a step is parted. Another place is tried where that meets a configuration without which way to go on, such as a
+# lift that is upright.
+_PARTS = (0.5, 0.45, 0.41)
+_SHORT = 2.0**-10  # of a step: at its middle the energy is still that of its start
+_ROUNDING = 1e-10  # of the sizes of all terms of an energy
+
+
+class Controls:
+    """Inputs, and prescribed variables at the end, of parts of steps.
+
+    ``u``: of the steps (N, n_inputs + nrho). ``rho_start``: the prescribed variables at the first instant.
+    """
+
+    def __init__(self, m: Mechanism, t: Array, inputs: Signal, rho: Signal, u: Array, rho_start: Array) -> None:
+        self.m, self.t, self.u = m, t, u
+        self.inputs, self.rho = inputs, rho
+        self.places = np.vstack((rho_start[None, :], u[:, m.n_inputs :]))
+
+    def __call__(self, k: int, begin: float, end: float) -> Array:
+        """Return those of a part of step k between two times."""
+        m, n = self.m, self.m.n_inputs
+        row = np.array(self.u[k])
+        if begin == self.t[k] and end == self.t[k + 1]:
+            return row
+        if callable(self.inputs):
+            row[:n] = signal_rows(self.inputs, np.array([0.5 * (begin + end)]), m.inputs, "inputs", row[:n])[0]
+        if callable(self.rho):
+            row[n:] = signal_rows(self.rho, np.array([end]), m.kinematic, "rho", row[n:])[0]
+        elif m.nrho:
+            share = (end - self.t[k]) / (self.t[k + 1] - self.t[k])
+            row[n:] = self.places[k] + share * (self.places[k + 1] - self.places[k])
+        return row
+
+
+def refined(
+    vi: Integrator,
+    start: Array,
+    t: Array,
+    controls: Controls,
+    tolerance: float,
+    progress: Callable[[int, int], None] | None,
+) -> tuple[Array, Array, bool]:
+    """Return instants (N'+1,), those of t among them, and the controls (N', n_inputs + nrho) of the steps between.
+
+    They end early, at an instant of t, where even the shortest step cannot be made, or at Ctrl-C, of which the third
+    that is returned says whether it came.
+
+    ``start``: the state x there. ``tolerance``: what the length of a step may do to the energy (J).
+    ``progress``: called with the number of given steps done and of all.
+    """
+    refiner = _Refiner(vi, controls, tolerance)
+    x, made, interrupted = start, 0, False
+    try:
+        for k in range(len(t) - 1):
+            end = refiner.make(k, x, float(t[k]), float(t[k + 1]))
+            made = len(refiner.times)
+            if end is None:
+                break
+            x = end
+            if progress is not None:
+                progress(k + 1, len(t) - 1)
+    except KeyboardInterrupt:
+        interrupted = True
+    rows = np.array(refiner.rows[:made]).reshape(made, controls.u.shape[1])
+    return np.concatenate((t[:1], refiner.times[:made])), rows, interrupted
+
+
+class _Refiner:
+    def __init__(self, vi: Integrator, controls: Controls, tolerance: float) -> None:
+        self.vi, self.controls, self.tolerance = vi, controls, tolerance
+        self.times: list[float] = []
+        self.rows: list[Array] = []
+
+    def make(self, k: int, x: Array, begin: float, end: float) -> Array | None:
+        """Return the state at the end of step k, or None where it cannot be made; it is then noted as it was given."""
+        made = len(self.times)
+        for part in _PARTS:
+            found = self._go(k, x, begin, end, part, _HALVINGS)
+            if found is not None:
+                return found
+            del self.times[made:], self.rows[made:]
+        self._note(k, begin, end)
+        return None
+
+    def _go(self, k: int, x: Array, begin: float, end: float, part: float, halvings: int) -> Array | None:
+        """Return the state at the end of a part of step k, or None where it cannot be reached."""
+        whole = self._steps(k, x, (begin, end))
+        inner = begin + part * (end - begin)
+        if whole is not None and (halvings == 0 or self._keeps_energy(k, x, (begin, inner, end), whole)):
+            self._note(k, begin, end)
+            return whole[0]
+        if halvings == 0:
+            return None
+        made = len(self.times)
+        first = self._go(k, x, begin, inner, part, halvings - 1)
+        second = None if first is None else self._go(k, first, inner, end, part, halvings - 1)
+        if second is not None:
+            return second
+        del self.times[made:], self.rows[made:]
+        if whole is None:
+            return None
+        # Its parts meet a configuration from which no way leads on, which it strides across.
+        self._note(k, begin, end)
+        return whole[0]
+
+    def _note(self, k: int, begin: float, end: float) -> None:
+        self.times.append(end)
+        self.rows.append(self.controls(k, begin, end))
+
+    def _steps(self, k: int, x: Array, times: tuple[float, ...]) -> tuple[Array, Array] | None:
+        """Return the state after steps between times, and what is noted of their energies; None where one fails."""
+        u = np.array([self.controls(k, a, b) for a, b in pairwise(times)])
+        out = self.vi.core.roll_out(np.array(times), x.copy(), None, u, None, energies=True, interruptible=False)
+        if out.steps < len(u):
+            return None
+        return np.array(out.x[-1]), np.array(out.energies)
+
+    def _keeps_energy(self, k: int, x: Array, times: tuple[float, ...], whole: tuple[Array, Array]) -> bool:
+        parts = self._steps(k, x, times)
+        if parts is None:
+            return False
+        u, h = self.controls(k, times[0], times[-1]), times[-1] - times[0]
+        at_end, by_parts = (self._energy(each, u, times[-1], h) for each in (whole[0], parts[0]))
+        if at_end is None or by_parts is None:
+            return False
+        (energy, size), (better, _) = at_end, by_parts
+        noted = np.vstack((whole[1], parts[1]))
+        of_whole, of_first, of_second = noted[:, 0] + noted[:, 1]
+        # From the middle of the first part to that of the second the energy goes evenly, to the second order.
+        there = of_first + (times[2] - times[1]) / h * (of_second - of_first)
+        off = max(abs(energy - better), abs(of_whole - there))
+        return bool(off <= self.tolerance + _ROUNDING * size)
+
+    def _energy(self, x: Array, u: Array, t: float, h: float) -> tuple[float, float] | None:
+        """Return the energy at a state, and the sizes of its terms: in the middle of a very short step."""
+        m, short = self.vi.mechanism, _SHORT * h
+        row = u.copy()
+        row[m.n_inputs :] = x[m.nd : m.nq] + short * x[m.nx - m.nrho :]
+        out = self.vi.core.roll_out(np.array((t, t + short)), x.copy(), None, row[None, :], None, energies=True)
+        if out.steps < 1:
+            return None
+        kinetic, potential, _, _, size = out.energies[0]
+        return float(kinetic + potential), float(size)

@@ -1,0 +1,99 @@
+"""Rotations as unit quaternions ``[w, x, y, z]``, and their vectors: exponential, logarithm, and what these derive to.
+
+``exp(phi)`` turns by ``|phi|`` about phi. A rotation q is moved in its own axes, ``q exp(phi)``, and two of them differ
+by ``log(qbar^-1 q)``: the shorter way round, less than half a turn. All functions take any number of rows at once.
+
+With ``phi = log q`` and the right Jacobian of the exponential, whose inverse is ``J = 1 + [phi]/2 + c [phi]^2``
+(G. Chirikjian, Stochastic Models, Information Theory, and Lie Groups 2, 2012, 10.86), ``c = (1 - g) / |phi|^2``,
+``g = |phi|/2 cot(|phi|/2)``: ``log(q exp(d)) = phi + J d + O(d^2)``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from leastaction.numerics.arrays import Array
+
+_SMALL = 0.05  # rad, below which series are more exact than closed forms
+
+
+def product(p: Array, q: Array) -> Array:
+    """Return the products (..., 4) of quaternions: first q, then p."""
+    w, x, y, z = np.moveaxis(np.asarray(p), -1, 0)
+    W, X, Y, Z = np.moveaxis(np.asarray(q), -1, 0)
+    parts = (
+        w * W - x * X - y * Y - z * Z,
+        w * X + x * W + y * Z - z * Y,
+        w * Y - x * Z + y * W + z * X,
+        w * Z + x * Y - y * X + z * W,
+    )
+    return np.stack(parts, axis=-1)
+
+
+def inverse(q: Array) -> Array:
+    """Return the inverse (..., 4) of unit quaternions."""
+    return np.asarray(q * np.array([1.0, -1.0, -1.0, -1.0]))
+
+
+def exponential(phi: Array) -> Array:
+    """Return the rotations (..., 4) by vectors (..., 3) in rad."""
+    half = 0.5 * np.sqrt(np.sum(phi * phi, axis=-1, keepdims=True))
+    return np.concatenate([np.cos(half), 0.5 * phi * np.sinc(half / np.pi)], axis=-1)
+
+
+def logarithm(q: Array) -> Array:
+    """Return the vectors (..., 3) of rotations, at most half a turn long (rad)."""
+    w, v = q[..., :1], q[..., 1:]
+    sine = np.sqrt(np.sum(v * v, axis=-1, keepdims=True))
+    # The quaternion and its negative are the same rotation.
+    angle = 2.0 * np.arctan2(sine, np.abs(w))
+    tiny = np.finfo(np.float64).tiny
+    factor = np.where(sine > 1e-150, angle / np.maximum(sine, tiny), 2.0 / np.maximum(np.abs(w), tiny))
+    return np.asarray(np.where(w < 0.0, -factor, factor) * v)
+
+
+def crossing(phi: Array) -> Array:
+    """Return the matrices (..., 3, 3) of cross products ``phi x``."""
+    matrix = np.zeros((*phi.shape, 3))
+    x, y, z = np.moveaxis(phi, -1, 0)
+    matrix[..., 0, 1], matrix[..., 0, 2], matrix[..., 1, 2] = -z, y, -x
+    matrix[..., 1, 0], matrix[..., 2, 0], matrix[..., 2, 1] = z, -y, x
+    return matrix
+
+
+def logarithm_derivative(phi: Array) -> Array:
+    """Return J (..., 3, 3) with ``log(exp(phi) exp(d)) = phi + J d + O(d^2)``, up to half a turn."""
+    S = crossing(phi)
+    c = _coefficients(phi)[0][..., None, None]
+    return np.asarray(np.eye(3) + 0.5 * S + c * (S @ S))
+
+
+def logarithm_curvature(phi: Array, w: Array) -> Array:
+    """Return the second derivatives (..., 3, 3) of ``w . log(exp(phi) exp(d))`` by d at zero, up to half a turn."""
+    J, S, eye = logarithm_derivative(phi), crossing(phi), np.eye(3)
+    c, slope = (each[..., None] for each in _coefficients(phi))
+    bent = np.empty((*phi.shape, 3))
+    for j in range(3):
+        # J moves with phi, and phi by J d; the exponential's own Jacobian at d is 1 - [d]/2.
+        along = J[..., j]
+        T = crossing(along)
+        turn = np.sum(phi * along, axis=-1)[..., None, None]
+        change = 0.5 * T + slope[..., None] * turn * (S @ S) + c[..., None] * (T @ S + S @ T)
+        change = change - 0.5 * J @ crossing(eye[j])
+        bent[..., j] = np.einsum("...a,...ai->...i", w, change)
+    return np.asarray(0.5 * (bent + np.swapaxes(bent, -1, -2)))
+
+
+def _coefficients(phi: Array) -> tuple[Array, Array]:
+    """Return c and ``c' / |phi|``, (...), of vectors (..., 3)."""
+    square = np.sum(phi * phi, axis=-1)
+    near = square < _SMALL**2
+    s = np.where(near, 1.0, square)
+    half = 0.5 * np.sqrt(s)
+    cot = np.cos(half) / np.sin(half)
+    c = (1.0 - half * cot) / s
+    # g' = (cot h - h / sin^2 h) / 2 with h = |phi| / 2.
+    slope = -0.5 * (cot - half / np.sin(half) ** 2) / (s * 2.0 * half) - 2.0 * c / s
+    series = 1.0 / 12.0 + square * (1.0 / 720.0 + square * (1.0 / 30240.0 + square / 1209600.0))
+    slope_series = 1.0 / 360.0 + square * (1.0 / 7560.0 + square * (1.0 / 201600.0 + square / 5987520.0))
+    return np.where(near, series, c), np.where(near, slope_series, slope)

@@ -1,0 +1,75 @@
+"""Limits on entries of states that are no plain vectors: derivatives by charts, in place of those by entries."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from leastaction.numerics.arrays import Array
+from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.quantity import Instants, Quantity, QuantityView, Samples
+from leastaction.optimal.space import StateSpace
+
+
+class ChartedQuantity(QuantityView):
+    """A quantity that derives itself by the entries of a state (nx), with derivatives by its directions (ndx)."""
+
+    def __init__(self, whole: Quantity, space: StateSpace) -> None:
+        super().__init__(whole)
+        self.space, self.by_entries = space, False
+
+    def columns(self, nx: int, nu: int) -> None:
+        """Return None: it may depend on all."""
+
+    def jacobian(self, at: Samples) -> Array:
+        return np.asarray(self._whole(at) @ self._moves(at))
+
+    def curvature(self, at: Samples, y: Array) -> Array:
+        space, moves = self.space, self._moves(at)
+        n, nx = at.x.shape
+        pull = np.einsum("kmi,km->ki", self._whole(at), y)
+        bent = np.zeros((n, moves.shape[2], moves.shape[2]))
+        bent[:, : space.ndx, : space.ndx] = space.plus_curvature(at.x, pull[:, :nx])
+        own = self.whole.curvature(at, y)
+        if own is not None:
+            places = self._places(at)
+            bent += np.swapaxes(moves[:, places], 1, 2) @ own @ moves[:, places]
+        return bent
+
+    def _places(self, at: Samples) -> Instants:
+        """Return the places in (x, u) in which the other quantity gives its derivatives."""
+        nx, nu = at.x.shape[1], at.u.shape[1]
+        found = self.whole.columns(nx, nu)
+        return np.arange(nx if self.of_state else nx + nu) if found is None else found
+
+    def _whole(self, at: Samples) -> Array:
+        """Return its derivatives by all of (x, u)."""
+        size = at.x.shape[1] + (0 if self.of_state else at.u.shape[1])
+        whole = np.zeros((len(at.k), len(self.names), size))
+        whole[:, :, self._places(at)] = self.whole.jacobian(at)
+        return whole
+
+    def _moves(self, at: Samples) -> Array:
+        """Return the derivatives of (x, u) by directions and inputs."""
+        P, nu = self.space.plus_derivative(at.x), 0 if self.of_state else at.u.shape[1]
+        n, nx, ndx = P.shape
+        moves = np.zeros((n, nx + nu, ndx + nu))
+        moves[:, :nx, :ndx], moves[:, nx:, ndx:] = P, np.eye(nu)
+        return moves
+
+
+def charted(rows: Sequence[Rows], space: StateSpace | None) -> list[Rows]:
+    """Return rows with derivatives by charts, as those of states that are plain vectors are anyway."""
+    if space is None:
+        return list(rows)
+    made: dict[int, ChartedQuantity] = {}
+    found = []
+    for each in rows:
+        quantity = each.quantity
+        if quantity.by_entries:
+            # Both sides of a limit are of one quantity.
+            each = replace(each, quantity=made.setdefault(id(quantity), ChartedQuantity(quantity, space)))
+        found.append(each)
+    return found

@@ -1,0 +1,122 @@
+"""Many motions at once are the same motions one after the other, and sweeps keep what is done."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+
+from leastaction import MidpointVI, QuadraticCost, optimize
+from leastaction.control import Failed, optimize_many, simulate_many, sweep
+from leastaction.errors import ArgumentError, SweepError
+from leastaction.models.cart_pendulum import cart_pendulum
+from leastaction.optimal import LinearSystem
+
+T = np.linspace(0.0, 0.5, 51)
+
+
+def test_many_are_bit_for_bit_what_each_is_alone():
+    rng = np.random.default_rng(0)
+    vi = MidpointVI(cart_pendulum())
+    x0, u, mass = rng.standard_normal((30, 4)), rng.standard_normal((30, 50, 1)), rng.uniform(0.5, 2.0, 30)
+    many = simulate_many(vi, x0, T, u, parameters={"bob.mass": mass}, threads=1)
+    assert many.complete
+    for threads in (2, 3, 7):
+        other = simulate_many(vi, x0, T, u, parameters={"bob.mass": mass}, threads=threads)
+        np.testing.assert_array_equal(many.x, other.x)
+    order = rng.permutation(30)[:11]
+    some = simulate_many(vi, x0[order], T, u[order], parameters={"bob.mass": mass[order]}, threads=2)
+    np.testing.assert_array_equal(many.x[order], some.x)
+    alone = MidpointVI(cart_pendulum(bob_mass=float(mass[4])))
+    start = alone.start(x0[4, :2], p=x0[4, 2:])
+    run = alone.simulate(start, T, inputs=u[4])
+    np.testing.assert_array_equal(many.x[4, :, :2], run.q)
+
+
+def test_one_that_fails_says_so_and_stops_nobody():
+    x0 = np.zeros((6, 4))
+    x0[:, 1] = 0.1 * np.arange(6)
+    x0[3, 3] = 1e7
+    many = simulate_many(MidpointVI(cart_pendulum()), x0, T, threads=2)
+    assert list(many.failures) == [3]
+    assert "could not be solved" in many.failures[3]
+    assert np.isnan(many.x[3, many.steps[3] + 1 :]).all()
+    assert (np.delete(many.steps, 3) == 50).all()
+    assert np.isfinite(np.delete(many.x, 3, axis=0)).all()
+
+
+def test_sizes_that_disagree_and_names_that_nobody_has():
+    vi = MidpointVI(cart_pendulum())
+    with pytest.raises(ArgumentError, match="inputs: got 3 instances, expected 5 or one for all"):
+        simulate_many(vi, np.zeros((5, 4)), T, np.zeros((3, 50, 1)))
+    with pytest.raises(ArgumentError, match=r"unknown parameter 'bob\.mas'; did you mean 'bob\.mass'"):
+        simulate_many(vi, np.zeros(4), T, parameters={"bob.mas": [1.0]})
+    with pytest.raises(ValueError, match="parameters of instance 1"):
+        simulate_many(vi, np.zeros(4), T, parameters={"bob.mass": [1.0, -1.0]})
+
+
+def squared(x: float) -> float:
+    if x < 0.0:
+        raise ArgumentError("no root")
+    return x * x
+
+
+def deadly(x: float) -> float:
+    if x == 2.0:
+        os._exit(1)
+    return x
+
+
+def test_a_sweep_keeps_what_is_done_and_goes_on_from_there(tmp_path):
+    seen, values = [], [1.0, 2.0, 3.0, 4.0]
+
+    class Ended(Exception):
+        pass
+
+    def until_two(done: int, whole: int) -> None:
+        seen.append((done, whole))
+        if done == 2:
+            raise Ended
+
+    with pytest.raises(Ended):
+        sweep(squared, values, workers=1, keep=tmp_path / "kept", progress=until_two)
+    calls = []
+
+    def counted(x: float) -> float:
+        calls.append(x)
+        return squared(x)
+
+    assert sweep(counted, values, workers=1, keep=tmp_path / "kept") == [1.0, 4.0, 9.0, 16.0]
+    assert calls == [3.0, 4.0]
+    assert seen == [(0, 4), (1, 4), (2, 4)]
+    # Another value in its place is computed anew, and so is what was cut off.
+    (tmp_path / "kept" / "000001.pickle").write_bytes(b"cut")
+    assert sweep(counted, [5.0, *values[1:]], workers=1, keep=tmp_path / "kept") == [25.0, 4.0, 9.0, 16.0]
+    assert calls[2:] == [5.0, 2.0]
+
+
+def test_on_processes_it_is_the_same_and_errors_stand_where_they_belong():
+    pytest.importorskip("joblib")
+    here = sweep(squared, [1.0, -1.0, 3.0], workers=1)
+    there = sweep(squared, [1.0, -1.0, 3.0], workers=2)
+    assert here == there
+    assert here[1] == Failed("ArgumentError: no root")
+    assert not here[1]
+
+
+def test_workers_that_die_are_named_and_what_is_done_is_kept(tmp_path):
+    pytest.importorskip("joblib")
+    with pytest.raises(SweepError, match="worker processes died"):
+        sweep(deadly, [0.0, 1.0, 2.0, 3.0], workers=2, keep=tmp_path)
+
+
+def test_optima_of_many_starts_are_those_of_each():
+    system = LinearSystem([[1.0, 0.1], [0.0, 1.0]], [[0.0], [0.1]], N=20)
+    cost = QuadraticCost(np.zeros((21, 2)), np.zeros((20, 1)), Q=[1.0, 0.1], R=[0.1])
+    starts = [(np.array([a, 0.0]), np.zeros((20, 1))) for a in (1.0, 2.0)]
+    found = optimize_many(system, cost, starts, workers=1)
+    for start, result in zip(starts, found, strict=True):
+        np.testing.assert_array_equal(result.u, optimize(system, cost, initial=start).u)
+    with pytest.raises(ArgumentError, match="system: got int"):
+        optimize_many(3, cost, starts)
