@@ -258,4 +258,4 @@ def test_inputs_that_a_curve_needs_are_those_of_the_trajectory_that_it_is() -> N
     run = system.rollout(np.zeros(2), line, push, np.zeros((len(u), 1, 2)), 0, len(u))
     np.testing.assert_allclose(needed_inputs(system, run.x, u), push, atol=1e-9)
     rows = [row for limit in limits for row in limit.rows(system, 1)]
-    np.testing.assert_allclose(line_to(np.zeros(2), None, rows, len(u))[[0, -1]], [[0.0, 0.0], [10.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(line_to(system, np.zeros(2), None, rows)[[0, -1]], [[0.0, 0.0], [10.0, 0.0]], atol=1e-12)

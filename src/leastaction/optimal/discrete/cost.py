@@ -261,7 +261,7 @@ class QuadraticCost(Cost):
     def misfit(self, x: Array) -> float | None:
         if type(self) is not QuadraticCost:
             return None
-        missed = difference(x, self.x_wanted)
+        missed = self._off(x, self.x_wanted)
         total = np.sum(missed[:-1] * weigh(self.Q, missed[:-1])) + np.sum(
             missed[-1:] * weigh(self.Q_final, missed[-1:])
         )

@@ -135,9 +135,9 @@ class ShootingProblem(DiscreteProblem):
 
     def _has_left(self, x: Array) -> bool:
         """Whether the projection of a start has left the curve that it is."""
-        return x.ndim == 2 and bool(
-            (np.abs(self.x - x).max(axis=0) > _LEFT_BEHIND * (1.0 + np.abs(x).max(axis=0))).any()
-        )
+        if x.ndim == 1:
+            return False
+        return bool((np.abs(apart(self.space, self.x, x)).max(axis=0) > _LEFT_BEHIND * sizes_of(self.space, x)).any())
 
     def begin_with_gaps(self, *, brief: bool) -> bool:  # noqa: ARG002
         """Begin again with gaps between the steps, and return whether that can be done.
