@@ -117,7 +117,7 @@ class Optimizer:
     def run(
         self, initial: Any = None, *, resume: OptimizationResult | None = None, callback: Callback | None = None
     ) -> OptimizationResult:
-        """Return what `optimize` does from a start, or where an earlier run ended.
+        """Return what `optimize` does from a start, or where an earlier run ended; without its warnings.
 
         Parameters
         ----------
@@ -129,7 +129,7 @@ class Optimizer:
         ArgumentError
             As of `optimize`.
         """
-        result = self.run_once(initial, resume=resume, callback=callback, warn=True)
+        result = self.run_once(initial, resume=resume, callback=callback)
         # The next run works where these stand.
         own = {name: read_only(getattr(result, name).copy()) for name in ("K", "projection_gain")}
         self.result = changed(result, **own)

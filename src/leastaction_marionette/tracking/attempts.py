@@ -6,8 +6,9 @@ from collections.abc import Collection
 
 from leastaction.errors import ProjectionError
 from leastaction.numerics import Array
-from leastaction.optimal import Callback, Method, OptimizationResult, Shooting, Status, optimize
+from leastaction.optimal import Callback, Method, OptimizationResult, Shooting, Status
 from leastaction_marionette.tracking.plan import TrackingPlan
+from leastaction_marionette.tracking.stage import optimize
 
 
 def attempted(

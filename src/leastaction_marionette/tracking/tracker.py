@@ -12,7 +12,7 @@ from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.io import Motion
 from leastaction.mechanics import Mechanism
 from leastaction.numerics import Array
-from leastaction.optimal import Callback, IterationRecord, Method, OptimizationResult, Status, optimize
+from leastaction.optimal import Callback, IterationRecord, Method, OptimizationResult, Status
 from leastaction_marionette.choices import Follow
 from leastaction_marionette.tracking.by_lengths import by_lengths
 from leastaction_marionette.tracking.checkpoints import Checkpoints
@@ -22,6 +22,7 @@ from leastaction_marionette.tracking.motors import SEARCH_STAGES
 from leastaction_marionette.tracking.pace import Pace
 from leastaction_marionette.tracking.plan import TrackingPlan
 from leastaction_marionette.tracking.problem import TrackingProblem
+from leastaction_marionette.tracking.stage import optimize
 from leastaction_marionette.tracking.ties import FIRM
 from leastaction_marionette.tracking.weights import FORCED, TrackingWeights
 
