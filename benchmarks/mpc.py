@@ -21,7 +21,8 @@ import numpy as np  # noqa: E402
 
 from benchmarks import unit  # noqa: E402
 from benchmarks.cases import DT, package_marionette  # noqa: E402
-from leastaction.control import MPC, tracking  # noqa: E402
+from leastaction.control import MPC  # noqa: E402
+from leastaction.costs import tracking  # noqa: E402
 from leastaction.mechanics import Damping, Gravity, JointForce, Mechanism, MidpointVI, rx, ry, rz, tz  # noqa: E402
 from leastaction.models.cart_pendulum import cart_pendulum  # noqa: E402
 from leastaction.numerics.arrays import Array  # noqa: E402

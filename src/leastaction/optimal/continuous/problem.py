@@ -34,7 +34,7 @@ from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.line_search import Refusal, Trial, rounding_of
-from leastaction.optimal.loop import Direction, Problem
+from leastaction.optimal.loop import Clock, Direction, OneStage, Problem, along_parabola
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
 
@@ -71,8 +71,13 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
     ``horizon``: times (s), if what it starts from does not bring them.
     """
 
-    # The noise of a cost is estimated, not known: a step that is lost in it may still have converged.
-    patience = 2
+    rollouts: int = 0
+    value: float = np.nan
+    roughness: float = 0.0
+    gap = 0.0
+    worst_step = None
+    sees_walls = False
+    undetermined = ""
 
     # The Riccati equation is the stiffer the larger the weights, and it is integrated explicitly.
     largest_shift = 10.0
@@ -85,7 +90,9 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         accuracy: Accuracy,
         horizon: tuple[float, float] | None = None,
     ) -> None:
-        super().__init__()
+        self._clock = Clock()
+        # The noise of a cost is estimated, not known: a step that is lost in it may still have converged.
+        self.stages = OneStage(patience=2)
         self.horizon = horizon
         self.system = system
         self.cost = cost
@@ -105,6 +112,21 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         self.feedback: PiecewisePolynomial | None = None
 
     @property
+    def clock(self) -> Clock:
+        return self._clock
+
+    @property
+    def shown(self) -> float:
+        return self.value
+
+    @property
+    def magnitude(self) -> float:
+        return self.value
+
+    def note_roughness(self, off: float) -> None:
+        self.roughness = off
+
+    @property
     def noise(self) -> float:
         """What the cost may be off by the error of the integration."""
         return _ERROR_OF_COST * self.accuracy.rtol * abs(self.value) + rounding_of(self.value)
@@ -112,6 +134,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
     # ---- Where to start -------------------------------------------------------------------------
 
     def start(self, initial: DenseTrajectory | tuple[TimeFunctionLike, TimeFunctionLike]) -> None:
+        """Begin with a trajectory, a curve to be projected, or an initial state and inputs."""
         curve, is_curve = self.given(initial)
         if not is_curve:
             self.apply(curve)
@@ -157,6 +180,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         self._project(curve, PiecewisePolynomial.constant(np.zeros(nu * nx + nu), curve.t0, curve.tf))
 
     def resume(self, result: OptimizationResult) -> None:
+        """Begin where an earlier run ended."""
         assert isinstance(result, ContinuousOptimizationResult)
         trajectory, nx, nu = result.dense, self.system.nx, self.system.nu
         if (trajectory.nx, trajectory.nu) != (nx, nu):
@@ -288,6 +312,15 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
             raise ArgumentError(f"direction: the linearised system failed at {swept.failure}.")
         return swept.trajectory
 
+    def refined(self, direction: ContinuousDirection, *, holds: bool) -> ContinuousDirection:  # noqa: ARG002
+        return direction
+
+    def left_beside_rounding(self) -> float:
+        return np.inf
+
+    def where(self, direction: ContinuousDirection) -> str:  # noqa: ARG002
+        return ""
+
     def negative_curvature(self, scale: float) -> ContinuousDirection | None:
         model = self._model()
 
@@ -382,6 +415,12 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
 
     # ---- Steps ----------------------------------------------------------------------------------
 
+    def first_step(self, direction: ContinuousDirection, length: float) -> float:  # noqa: ARG002
+        return length
+
+    def promised(self, direction: ContinuousDirection, length: float) -> float:
+        return along_parabola(direction, length)
+
     def simulate(self, direction: ContinuousDirection, length: float, bound: float) -> Trial[DenseTrajectory] | Refusal:
         rollout = roll_out(
             self.system,
@@ -409,6 +448,9 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
 
     def keep_feedback(self, direction: ContinuousDirection) -> None:
         self.feedback = direction.feedback
+
+    def following(self, *, moved: bool) -> ContinuousProblem | None:  # noqa: ARG002
+        return None
 
     # ---- What is told ---------------------------------------------------------------------------
 
