@@ -1048,6 +1048,7 @@ def test_limits_that_nobody_asked_for_determine_nothing() -> None:
     assert "does not depend on 'upper.inertia.yy' and 'upper.inertia.zz' along" in result.message
 
 
+@pytest.mark.filterwarnings("ignore::leastaction.errors.EnergyBalanceWarning")  # of the one that swings
 def test_least_time_begins_with_the_curve_that_was_given() -> None:
     """An arm of two links is turned up by its elbow. What was projected swung for 2.34 s, a minimum that is no good."""
     links = [la.rz("a"), [la.tx(1.0, mass=1.0), [la.rz("b"), [la.tx(1.0, mass=1.0)]]]]

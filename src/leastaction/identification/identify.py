@@ -111,7 +111,7 @@ def identify(
     begun = {p.name: p.guess for p in asked if p.guess is not None}
     start = integrator.like(integrator.mechanism.with_parameters(begun)) if begun else integrator
     fits = [Measured(each, start, [p.name for p in asked], count) for each in experiments]
-    search = _Search(
+    search = _LeastSquares(
         asked, fits, as_number(tolerance, "tolerance", above=0.0), as_count(max_iterations, "max_iterations", 1)
     )
     taken = [part for part in parts if part == 1.0 or search.tells_enough(part)]
@@ -135,7 +135,7 @@ def _checked(m: Mechanism, parameters: Sequence[Parameter | str]) -> list[Parame
     return asked
 
 
-class _Search:
+class _LeastSquares:
     """The numbers that are found: parameters, then the starts of the experiments."""
 
     def __init__(self, asked: list[Parameter], fits: list[Measured], tolerance: float, most: int) -> None:
