@@ -12,11 +12,11 @@ from leastaction.optimal import (
     RateGradient,
     RateHessian,
 )
-from leastaction.systems import PlaceCost, SmoothCost
+from leastaction.systems import OrientationCost, PlaceCost, SmoothCost
 
 __all__ = [  # noqa: RUF022 - by topics
     # In discrete time
-    "PlaceCost", "QuadraticCost", "SmoothCost",
+    "OrientationCost", "PlaceCost", "QuadraticCost", "SmoothCost",
     # In continuous time
     "ContinuousQuadraticCost",
     # Of one's own

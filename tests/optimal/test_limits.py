@@ -40,7 +40,6 @@ from leastaction.optimal import (
     adjoint,
     optimize,
 )
-from leastaction.optimal.discrete.problem import DiscreteProblem
 from leastaction.optimal.limit_report import LimitReport, LimitState
 from leastaction.optimal.limits.barrier import (
     Point,
@@ -52,7 +51,6 @@ from leastaction.optimal.limits.barrier import (
     stiffness,
 )
 from leastaction.optimal.limits.duals import Duals, LimitSide
-from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.limits.rows import Rows, Weights
 from leastaction.optimal.limits.sides import SideLayout
 from leastaction.optimal.limits.stages import BarrierStages
@@ -60,6 +58,7 @@ from leastaction.optimal.line_search import SearchStep, Trial
 from leastaction.optimal.loop.problem import Direction
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.quantity import Quantity, Samples, WeightedSum
+from leastaction.optimal.search.problem import DiscreteProblem
 from leastaction.systems import Ball, Box, HalfSpace, Keep, MidpointSystem, PlaceCost
 
 N, DT = 150, 0.02
@@ -291,7 +290,7 @@ def test_the_tolerance_is_relative_to_the_cost_without_barriers(cart: MidpointSy
     """Barriers are known up to a constant, and may nearly cancel the cost."""
     rows = Bound("x-force", -60.0, 60.0).rows(cart, 1)
     settings = optimize(cart, cost, initial=REST, max_iterations=0).settings
-    problem = LimitedProblem(cart, cost, rows, settings)
+    problem = DiscreteProblem(cart, cost, settings, rows)
     problem.start(REST)
     assert problem.magnitude == cost.value(*REST)
     assert abs(problem.value - problem.magnitude) > 0.01 * problem.magnitude
@@ -867,13 +866,13 @@ def test_stages_end_without_a_model_that_only_says_so(
     name: str, cart: MidpointSystem, cost: QuadraticCost, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After a full Newton step it is foreseen that a barrier's minimum is near: the next direction is another's."""
-    solved, minimise = [], LimitedProblem.minimise_model
+    solved, minimise = [], DiscreteProblem.minimise_model
 
-    def counted(self: LimitedProblem, method: str, scale: float, shift: float = 0.0):
-        solved.append(self.duals.mu)
+    def counted(self: DiscreteProblem, method: str, scale: float, shift: float = 0.0):
+        solved.append(self.parts.barrier.duals.mu)
         return minimise(self, method, scale, shift)
 
-    monkeypatch.setattr(LimitedProblem, "minimise_model", counted)
+    monkeypatch.setattr(DiscreteProblem, "minimise_model", counted)
     result = optimize(cart, cost, limits=CASES[name], initial=REST)
     assert result.status is Status.CONVERGED
     stages = len(set(solved))
@@ -905,7 +904,7 @@ def test_places_that_exclude_each_other_are_told_before_the_first_step(
     later = [Keep("bob", inside=inside, at=1.0), Keep("bob", outside=outside, at=2.0)]
     for fine in (elsewhere, later):
         rows = [row for limit in fine for row in limit.rows(cart, 1)]
-        LimitedProblem(cart, cost, rows, optimize(cart, cost, initial=REST, max_iterations=0).settings)
+        DiscreteProblem(cart, cost, optimize(cart, cost, initial=REST, max_iterations=0).settings, rows)
 
 
 @pytest.mark.parametrize(
@@ -926,7 +925,7 @@ def test_places_that_do_not_meet_are_told_before_the_first_step(
             optimize(cart, cost, initial=REST, limits=limits)
     wider = Keep("bob", inside=Box((-0.1, -1.0, -np.inf), (0.5, 1.0, 0.0)))
     rows = [row for limit in (wider, other) for row in limit.rows(cart, 1)]
-    LimitedProblem(cart, cost, rows, optimize(cart, cost, initial=REST, max_iterations=0).settings)
+    DiscreteProblem(cart, cost, optimize(cart, cost, initial=REST, max_iterations=0).settings, rows)
 
 
 class RoughCost(QuadraticCost):
@@ -948,7 +947,7 @@ def test_searches_see_how_much_a_cost_is_off(method: str, cart: MidpointSystem, 
     assert result.cost == pytest.approx(exact.cost, rel=1e-8)
 
 
-def linear_within(limits: list[Bound], *, free_start: bool) -> LimitedProblem:
+def linear_within(limits: list[Bound], *, free_start: bool) -> DiscreteProblem:
     """Return a linear system's problem within limits, at its first trajectory."""
     rng = np.random.default_rng(2)
     N, nx, nu = 20, 3, 2
@@ -957,7 +956,7 @@ def linear_within(limits: list[Bound], *, free_start: bool) -> LimitedProblem:
     start = np.zeros((N + 1, nx)), np.zeros((N, nu))
     settings = optimize(system, cost, initial=start, max_iterations=0).settings
     rows = [row for limit in limits for row in limit.rows(system, 1)]
-    problem = LimitedProblem(system, cost, rows, settings, free_start)
+    problem = DiscreteProblem(system, cost, settings, rows, free_start)
     problem.start(start)
     return problem
 
@@ -967,8 +966,8 @@ def test_further_steps_of_a_model_lead_to_where_it_is_least(free_start: bool) ->
     """Of a linear system it is the cost itself: what they foretell comes true, and little is left to be gained."""
     limits = [Bound("*", -0.5, 0.4, of="input"), Bound("x[1]", -0.3, 0.6)]
     problem = linear_within(limits, free_start=free_start)
-    problem.duals.mu *= 1e-3
-    problem._set_out()
+    problem.parts.barrier.duals.mu *= 1e-3
+    problem.parts.set_out()
     gained = []
     for holds in (False, True):
         direction = problem.direction("quasi-newton", problem.minimise_model("quasi-newton", 0.0), 0.0)
@@ -999,8 +998,8 @@ def test_a_full_step_goes_on_within_the_model_where_barriers_bend_along_it(most:
         trial = problem.simulate(found, problem.first_step(found, 1.0), np.inf)
         assert isinstance(trial, Trial)
         problem.accept(found, trial)
-    problem.duals.mu *= 0.03
-    problem._set_out()
+    problem.parts.barrier.duals.mu *= 0.03
+    problem.parts.set_out()
     first = direction(holds=False)
     assert first.reach == 1.0
     more = direction(holds=True).promise / first.promise
@@ -1100,10 +1099,10 @@ def test_what_does_not_bend_has_one_model(cart: MidpointSystem, cost: QuadraticC
     straight = Bound("x", -1.0, 1.0, of="rate").rows(cart, 1)
     bent = Keep("bob", outside=Ball((0.3, -0.95, 0.0), 0.05)).rows(cart, 1)
     for rows, same in ((straight, True), (bent, False)):
-        problem = LimitedProblem(cart, cost, rows, settings)
+        problem = DiscreteProblem(cart, cost, settings, rows)
         problem.start(REST)
-        exact = problem._hessian(1.0)
-        assert (problem._hessian(0.0) is exact) is same
+        exact = problem.parts.merit.hessian(1.0, problem.parts.models)
+        assert (problem.parts.merit.hessian(0.0, problem.parts.models) is exact) is same
 
 
 def test_a_share_of_what_bends_lies_between_none_and_all_of_it(cart: MidpointSystem, cost: QuadraticCost) -> None:
@@ -1113,19 +1112,20 @@ def test_a_share_of_what_bends_lies_between_none_and_all_of_it(cart: MidpointSys
     settings = optimize(cart, cost, initial=REST, max_iterations=0).settings
     bent = PlaceCost(cost, cart, {"bob": np.array([0.5, 0.5, 0.0])}, {"bob": 30.0})
     rows = Keep("bob", outside=Ball((0.3, -0.95, 0.0), 0.05)).rows(cart, 1)
-    problem = LimitedProblem(cart, bent, rows, settings)
+    problem = DiscreteProblem(cart, bent, settings, rows)
     problem.start(start)
-    whole = problem._hessian(1.0)
-    none, part = (problem._hessian(share).whole() for share in (0.0, 0.3))
+    whole = problem.parts.merit.hessian(1.0, problem.parts.models)
+    none, part = (problem.parts.merit.hessian(share, problem.parts.models).whole() for share in (0.0, 0.3))
     for low, between, high in zip(none, part, whole.whole(), strict=True):
         if low is not None:
             np.testing.assert_allclose(between, low + 0.3 * (high - low), rtol=0, atol=1e-9 * np.abs(high).max())
     assert np.abs(none.Q - whole.whole().Q).max() > 1.0
     # Each of the two has a part in that.
     for other_cost, other_rows in ((cost, rows), (bent, Bound("x", -1.0, 1.0, of="rate").rows(cart, 1))):
-        other = LimitedProblem(cart, other_cost, other_rows, settings)
+        other = DiscreteProblem(cart, other_cost, settings, other_rows)
         other.start(start)
-        assert np.abs(other._hessian(0.0).whole().Q - other._hessian(1.0).whole().Q).max() > 0.1
+        merit, models = other.parts.merit, other.parts.models
+        assert np.abs(merit.hessian(0.0, models).whole().Q - merit.hessian(1.0, models).whole().Q).max() > 0.1
 
 
 def test_a_limit_on_a_start_that_costs_nothing_is_enforced(rng):
@@ -1151,12 +1151,12 @@ def test_a_step_that_barriers_alone_shortened_does_not_shorten_the_next(rollouts
     system = MidpointSystem(MidpointVI(cart_pendulum()), np.linspace(0.0, 0.5, 6))
     cost = QuadraticCost(np.zeros((6, 4)), np.zeros((5, 1)), Q=np.ones(4), R=[1.0])
     settings = optimize(system, cost, initial=(np.zeros(4), np.zeros((5, 1)))).settings
-    limited = LimitedProblem(system, cost, Bound("x-force", max=1.0).rows(system, 1), settings)
+    limited = DiscreteProblem(system, cost, settings, Bound("x-force", max=1.0).rows(system, 1))
     limited.start((np.zeros(4), np.zeros((5, 1))))
     for problem in (limited, DiscreteProblem(system, cost, settings)):
         run = Run(problem, settings, None)
         step = SearchStep(Trial(None, 1.0), 0.01, rollouts, None)
-        problem.value = 1.0
+        problem.parts.here.value = 1.0
         run.note_step(Direction("newton", -1.0, 1.0), step, decrease=0.1, agreement=0.2, cost=0.9)
         assert run.schedule.length == (1.0 if problem is limited and rollouts == 1 else 0.01)
 

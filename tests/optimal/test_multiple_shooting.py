@@ -35,10 +35,10 @@ from leastaction import (
 from leastaction.errors import ArgumentError
 from leastaction.io.results import load_result, save_result
 from leastaction.optimal import ContinuousQuadraticCost, DiscreteSystem, LinearSystem, solve_linear_quadratic
-from leastaction.optimal.discrete.gap_filter import Filter, OpenCurve
 from leastaction.optimal.discrete.linear_quadratic import sweep_forward
-from leastaction.optimal.discrete.shooting import ShootingProblem
+from leastaction.optimal.iterates.gap_filter import Filter, OpenCurve
 from leastaction.optimal.line_search import Refusal
+from leastaction.optimal.search.problem import DiscreteProblem
 from optimal.systems import CartPendulum, is_trajectory
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -58,9 +58,9 @@ def test_corrections_of_a_step_close_all_that_was_missed_as_cheaply_as_can_be(rn
     cost = QuadraticCost(rng.normal(size=(N + 1, nx)), np.zeros((N, 2)), Q=[1.0, 0.5, 2.0], R=[0.1, 0.3])
     start = rng.normal(size=(N + 1, nx)), rng.normal(size=(N, 2))
     settings = optimize(system, cost, initial=(np.zeros((N + 1, nx)), np.zeros((N, 2))), max_iterations=0).settings
-    problem = ShootingProblem(system, cost, settings, free_start, "at once")
+    problem = DiscreteProblem(system, cost, settings, (), free_start, "at once")
     problem.start(start)
-    curve = problem.open_curve
+    curve = problem.parts.here.curve
     direction = problem.direction("quasi-newton", problem.minimise_model("quasi-newton", 0.0), 0.0)
     missed, moved = [0.1 * rng.normal(size=(N, nx)) for _ in range(3)], []
 
@@ -70,8 +70,8 @@ def test_corrections_of_a_step_close_all_that_was_missed_as_cheaply_as_can_be(rn
         theta = curve.theta * (2.0 - 0.1 * len(moved))
         return curve._replace(gaps=gaps, theta=theta, length=length) if len(moved) < 3 else Refusal("enough")
 
-    monkeypatch.setattr(problem, "_moved", off)
-    monkeypatch.setattr(problem, "_judge", lambda *_: Refusal("never"))
+    monkeypatch.setattr(problem.parts.steps, "_moved", off)
+    monkeypatch.setattr(problem.parts.steps, "_judge", lambda *_: Refusal("never"))
     assert isinstance(problem.simulate(direction, 1.0, np.inf), Refusal)
     assert len(moved) == 3
     q, r, q_final = cost.gradient(*start)

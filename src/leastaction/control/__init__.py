@@ -8,10 +8,12 @@ from leastaction._names import lazily
 
 if TYPE_CHECKING:
     from leastaction.control.closed_loop import ClosedLoop, close_loop
+    from leastaction.control.costs import CostSum, GaussNewton, tracking
     from leastaction.control.gains import SteadyGain, lqe, lqr
     from leastaction.control.kalman import Estimate, KalmanFilter
     from leastaction.control.many import ManyRuns, simulate_many
     from leastaction.control.monte_carlo import LoopBands, monte_carlo
+    from leastaction.control.moving_horizon import MovingHorizonEstimator
     from leastaction.control.predictive import MPC, PredictiveInfo
     from leastaction.control.sweeps import Failed, optimize_many, sweep
 else:
@@ -19,16 +21,19 @@ else:
         __name__,
         {
             "leastaction.control.closed_loop": "ClosedLoop close_loop",
+            "leastaction.control.costs": "CostSum GaussNewton tracking",
             "leastaction.control.gains": "SteadyGain lqe lqr",
             "leastaction.control.kalman": "Estimate KalmanFilter",
             "leastaction.control.many": "ManyRuns simulate_many",
             "leastaction.control.monte_carlo": "LoopBands monte_carlo",
+            "leastaction.control.moving_horizon": "MovingHorizonEstimator",
             "leastaction.control.predictive": "MPC PredictiveInfo",
             "leastaction.control.sweeps": "Failed optimize_many sweep",
         },
     )
 
 __all__ = [
-    "MPC", "ClosedLoop", "Estimate", "Failed", "KalmanFilter", "LoopBands", "ManyRuns", "PredictiveInfo",
-    "SteadyGain", "close_loop", "lqe", "lqr", "monte_carlo", "optimize_many", "simulate_many", "sweep",
+    "MPC", "ClosedLoop", "CostSum", "Estimate", "Failed", "GaussNewton", "KalmanFilter", "LoopBands", "ManyRuns",
+    "MovingHorizonEstimator", "PredictiveInfo", "SteadyGain", "close_loop", "lqe", "lqr", "monte_carlo",
+    "optimize_many", "simulate_many", "sweep", "tracking",
 ]  # fmt: skip

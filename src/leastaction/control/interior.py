@@ -25,6 +25,7 @@ from leastaction.optimal.discrete.hessians import ModelHessian
 from leastaction.optimal.discrete.linear_quadratic import Workspace, sweep_forward
 from leastaction.optimal.limits.cost import Jacobians, LimitedCost
 from leastaction.optimal.limits.sides import Sided
+from leastaction.optimal.quantity import Instants
 from leastaction.optimal.system import Linearization
 
 _INSIDE = 0.995  # part of the way to the nearest bound that a step may go
@@ -94,6 +95,7 @@ class InteriorProgram:
         self.rho = price / scales
         self.work = Workspace(*sizes)
         self.kept: tuple[Array, Array, Array] | None = None  # s, e, y of the last instant
+        self._later: dict[int, Instants] = {}  # where what is so many steps later stands
 
     def solve(self, model: WindowModel, *, tolerance: float, most: int) -> InteriorPoint | None:
         """Return the solution, to within a tolerance relative to the cost's fall; None where there is no minimum."""
@@ -158,11 +160,17 @@ class InteriorProgram:
 
     def shift(self, steps: int) -> None:
         """Have slacks and multipliers go along with a horizon that has moved on."""
-        for flat in self.kept or ():
-            for side in Sided(flat, self.limited.layout):
+        if self.kept is None or not steps:
+            return
+        if steps not in self._later:
+            places = np.arange(self.limited.layout.ends[-1], dtype=np.float64)
+            for side in Sided(places, self.limited.layout):
                 by = min(steps, len(side) - 1)
                 if by > 0:
                     side[:-by] = side[by:].copy()
+            self._later[steps] = places.astype(np.intp)
+        s, e, y = (flat[self._later[steps]] for flat in self.kept)
+        self.kept = s, e, y
 
     def _free(self, model: WindowModel) -> InteriorPoint | None:
         """Return the solution where there are no limits."""

@@ -97,3 +97,19 @@ def _coefficients(phi: Array) -> tuple[Array, Array]:
     series = 1.0 / 12.0 + square * (1.0 / 720.0 + square * (1.0 / 30240.0 + square / 1209600.0))
     slope_series = 1.0 / 360.0 + square * (1.0 / 7560.0 + square * (1.0 / 201600.0 + square / 5987520.0))
     return np.where(near, series, c), np.where(near, slope_series, slope)
+
+
+def of_matrix(R: Array) -> Array:
+    """Return the unit quaternions (..., 4) of rotation matrices (..., 3, 3)."""
+    xx, yy, zz = np.moveaxis(np.diagonal(R, axis1=-2, axis2=-1), -1, 0)
+    # Four times the squares of w, x, y, z; divided by the root of the largest of them, nothing cancels.
+    squares = np.stack([1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz], axis=-1)
+    a, b, c = R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]
+    d, e, f = R[..., 0, 1] + R[..., 1, 0], R[..., 0, 2] + R[..., 2, 0], R[..., 1, 2] + R[..., 2, 1]
+    w, x, y, z = np.moveaxis(squares, -1, 0)
+    rows = np.stack(
+        [np.stack(row, axis=-1) for row in ((w, a, b, c), (a, x, d, e), (b, d, y, f), (c, e, f, z))], axis=-2
+    )
+    best = np.argmax(squares, axis=-1)[..., None, None]
+    chosen = np.take_along_axis(rows, best, axis=-2)[..., 0, :]
+    return np.asarray(chosen / np.linalg.norm(chosen, axis=-1, keepdims=True))

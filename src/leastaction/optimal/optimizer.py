@@ -15,22 +15,23 @@ from threadpoolctl import ThreadpoolController
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import as_array, as_count, read_only, require_instance
 from leastaction.numerics.frozen import changed
+from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.optimal.accuracy import Accuracy
-from leastaction.optimal.collocation.problem import CollocationProblem
+from leastaction.optimal.collocation.problem import Collocation
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult
 from leastaction.optimal.cost import check_space
 from leastaction.optimal.discrete.cost import Cost
-from leastaction.optimal.discrete.easing import EasedProblem
-from leastaction.optimal.discrete.shooting import Gapped
+from leastaction.optimal.discrete.own_projection import own_projection
 from leastaction.optimal.discrete.system import DiscreteSystem, given_start
+from leastaction.optimal.iterates.curve import Gapped
 from leastaction.optimal.limits.limit import Limit, checked_limits
-from leastaction.optimal.limits.problem import LimitedProblem
-from leastaction.optimal.loop import Callback, Clock, Loop, Problem
+from leastaction.optimal.loop import Callback, Loop, Problem
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.search.problem import DiscreteProblem
 from leastaction.optimal.system import check_system
 from leastaction.optimal.unknowns.extension import Extension, checked_unknowns
 from leastaction.optimal.unknowns.periodic import Periodic
@@ -105,7 +106,6 @@ class Optimizer:
         self.result: OptimizationResult | None = None
         self._extension: Extension | None = None
         self._problem = self._discrete() if isinstance(system, DiscreteSystem) else self._continuous()
-        self._fresh = vars(self._problem).copy()
 
     # ---- Runs -------------------------------------------------------------------------------------
 
@@ -139,7 +139,7 @@ class Optimizer:
             raise ArgumentError(f"initial, resume: got {got}, expected one of them.")
         if callback is not None and not callable(callback):
             raise ArgumentError(f"callback: got {type(callback).__name__}, expected a function of an IterationRecord")
-        is_discrete, extension, problem = isinstance(self.system, DiscreteSystem), self._extension, self._renewed()
+        is_discrete, extension = isinstance(self.system, DiscreteSystem), self._extension
         if resume is not None:
             made = OptimizationResult if is_discrete else ContinuousOptimizationResult
             require_instance(resume, "resume", made, "optimize() returns one")
@@ -152,24 +152,35 @@ class Optimizer:
                 callback = extension.callback(callback)
             if resume is not None:
                 _check_unknowns(resume, extension)
-            if isinstance(initial, OptimizationResult) and not isinstance(problem, LimitedProblem):
-                initial = initial.x, initial.u
-        elif isinstance(initial, ContinuousOptimizationResult) and not isinstance(problem, CollocationProblem):
-            initial = initial.dense
-        with _one_thread() if isinstance(problem, CollocationProblem) else nullcontext():
-            memory = None if resume is None else resume.memory
-            if resume is not None and memory is not None and memory.resolved is not None:
-                loop = Loop(problem, self.options, callback, resume, self.ways)
-                resume_within(loop.progress, resume, memory)
-            elif resume is not None:
-                _check_resumed(problem, resume)
-                problem.resume(resume)
-                loop = Loop(problem, self.options, callback, resume, self.ways)
-            else:
-                problem.start(initial)
-                loop = Loop(problem, self.options, callback, ways=self.ways)
+        with _one_thread() if isinstance(self._problem, Collocation) else nullcontext():
+            loop = Loop(self._begun(initial, resume), self.options, callback, resume, self.ways)
+            if resume is not None and resume.memory is not None and resume.memory.resolved is not None:
+                resume_within(loop.progress, resume, resume.memory)
             result = loop.run()
         return result if extension is None else extension.result(result)
+
+    def _begun(self, initial: Any, resume: OptimizationResult | None) -> Problem[Any, Any, Any]:
+        """Return the problem at its first iterate, with the memory that the last run has worked in."""
+        given = self._problem
+        if isinstance(given, Collocation):
+            return given.start(initial) if resume is None else given.resume(resume)
+        if isinstance(given, ContinuousProblem):
+            problem = ContinuousProblem(given.system, given.cost, self.options, given.accuracy, self.horizon)
+            if resume is None:
+                problem.start(initial.dense if isinstance(initial, ContinuousOptimizationResult) else initial)
+            else:
+                _check_resumed(resume, has=False)
+                problem.resume(resume)
+            return problem
+        given.renew()
+        if resume is None:
+            if isinstance(initial, OptimizationResult) and not given.parts.rows:
+                initial = initial.x, initial.u
+            given.start(initial)
+        elif resume.memory is None or resume.memory.resolved is None:  # within that it stands elsewhere
+            _check_resumed(resume, has=bool(given.parts.rows))
+            given.resume(resume)
+        return given
 
     def again(
         self,
@@ -216,28 +227,12 @@ class Optimizer:
 
     # ---- The problem ------------------------------------------------------------------------------
 
-    def _renewed(self) -> Problem[Any, Any, Any]:
-        """Return the problem as it was made, with the memory that the last run has worked in."""
-        problem = self._problem
-        if self.result is None:
-            return problem
-        kept = {name: getattr(problem, name) for name in ("old_linearization",) if hasattr(problem, name)}
-        vars(problem).clear()
-        vars(problem).update(self._fresh)
-        vars(problem).update(kept)
-        problem.clock = Clock()
-        if isinstance(problem, LimitedProblem):
-            problem.renew()
-        return problem
-
     def _replace_cost(self, cost: Cost) -> None:
         require_instance(cost, "cost", Cost, "such as a QuadraticCost")
-        self.cost, last = cost, self.result
+        self.cost = cost
         self._problem = self._discrete()
-        self._fresh = vars(self._problem).copy()
-        self.result = last
 
-    def _discrete(self) -> Problem[Any, Any, Any]:
+    def _discrete(self) -> DiscreteProblem:
         """Return the problem in steps of time, with limits or without, of the extended system where there is one."""
         system, cost, settings, free = (
             cast(DiscreteSystem, self.system),
@@ -261,21 +256,21 @@ class Optimizer:
                 f"limits: got a Periodic for {type(system).__name__}, whose states are no plain vectors: expected "
                 "Equal at the end, of a given state"
             )
+        if isinstance(settings.projection, PiecewisePolynomial):
+            raise ArgumentError("projection: got functions of time, expected gains (N, nu, nx) of a discrete system")
         if self.unknowns or any(isinstance(limit, Periodic) for limit in self.limits):
             self._extension = extension = Extension(system, cost, self.unknowns, self.limits, free)
             rows, free, final_time = extension.rows(), True, extension.system.final_time
-            system, cost = extension.system, extension.cost
+            system, cost, settings = extension.system, extension.cost, extension.settings(settings)
         else:
             rows = [row for limit in self.limits for row in limit.rows(system, 1 if free is False else 0)]
-        tries_gaps = settings.method == "auto" and settings.regulator == "descent" and self._extension is None
+        tries_gaps = settings.method == "auto" and own_projection(settings, system) is None and self._extension is None
         tries_gaps = tries_gaps and settings.shooting == "auto" and "gaps" not in settings.without
         gapped: Gapped = "where needed" if tries_gaps else "never"
         gapped = "at once" if settings.shooting == "multiple" else gapped
-        if rows:
-            return LimitedProblem(system, cost, rows, settings, free, gapped, final_time)
-        return EasedProblem(system, cost, settings, free, gapped)
+        return DiscreteProblem(system, cost, settings, rows, free, gapped, final_time=final_time)
 
-    def _continuous(self) -> Problem[Any, Any, Any]:
+    def _continuous(self) -> Collocation | ContinuousProblem:
         """Return the problem in continuous time, on a mesh where something asks for it."""
         system, cost, settings = cast(ContinuousSystem, self.system), cast(ContinuousCost, self.cost), self.options
         if settings.shooting == "multiple":
@@ -296,7 +291,7 @@ class Optimizer:
             )
         accuracy = settings.accuracy or Accuracy()
         if self.limits or self.free_start is not False or settings.collocate:
-            return CollocationProblem(system, cost, self.limits, settings, accuracy, self.horizon, self.free_start)
+            return Collocation(system, cost, self.limits, settings, accuracy, self.horizon, self.free_start)
         return ContinuousProblem(system, cost, settings, accuracy, self.horizon)
 
 
@@ -328,11 +323,9 @@ def _check_unknowns(resume: OptimizationResult, extension: Extension | None) -> 
         )
 
 
-def _check_resumed(problem: Problem[Any, Any, Any], resume: OptimizationResult) -> None:
+def _check_resumed(resume: OptimizationResult, *, has: bool) -> None:
     """Check that there are limits in a run that goes on if there were any before."""
-    if isinstance(problem, CollocationProblem):
-        return  # it says so itself
-    had, has = resume.limits is not None, isinstance(problem, LimitedProblem)
+    had = resume.limits is not None
     if had != has:
         raise ArgumentError(
             f"resume: got a result {'with' if had else 'without'} limits, expected those of this call"

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, get_args
 
 from leastaction.errors import ArgumentError, closest
-from leastaction.numerics.arrays import as_choice, as_count, as_number
+from leastaction.numerics.arrays import as_array, as_choice, as_count, as_number, read_only
+from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.optimal.accuracy import Accuracy
 
 Method = Literal["auto", "steepest", "quasi-newton", "newton"]
@@ -29,6 +30,10 @@ class Options:
     regulator : {"descent", "lqr"}
         Gains of the projection: those of the direction's own linear-quadratic problem, which cost nothing more, or an
         LQR with identities as weights (dissertation 6.3.1).
+    projection : array_like, PiecewisePolynomial or mapping, optional
+        Gains of the projection in your own hands, in place of those of `regulator`: gains (N, nu, nx), in continuous
+        time a `PiecewisePolynomial` of (nu, nx), as they are; or weights of a regulator about each iterate, such as
+        ``{"Q": ..., "R": ..., "Q_final": ...}`` (as of `regulate` and `regulate_continuous`).
     shooting : {"auto", "single", "multiple"}
         Whether the steps of a curve may miss the next states, until the gaps are closed: where it helps, never, or
         from the start.
@@ -64,6 +69,7 @@ class Options:
 
     method: str = "auto"
     regulator: str = "descent"
+    projection: Any = field(default=None, compare=False)
     shooting: str = "auto"
     collocate: bool = True
     max_iterations: int = 1000
@@ -80,6 +86,7 @@ class Options:
         as_choice(self.method, "method", get_args(Method))
         as_choice(self.regulator, "regulator", get_args(Regulator))
         as_choice(self.shooting, "shooting", get_args(Shooting))
+        object.__setattr__(self, "projection", _as_projection(self.projection))
         given: Any = self.without
         without = (given,) if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)
         for name in without:
@@ -110,3 +117,18 @@ class Options:
             if name not in names:
                 raise ArgumentError(f"{name}: is no option; {closest(name, names, what='options')}")
         return replace(self, **settings)
+
+
+def _as_projection(given: Any) -> Any:
+    """Return gains or weights of a projection, owned, as far as they can be checked without a system."""
+    if given is None or isinstance(given, PiecewisePolynomial):
+        return given
+    if not isinstance(given, Mapping):
+        return read_only(as_array(given, "projection", (None, None, None), meaning="(N, nu, nx), gains").copy())
+    for name in given:
+        if name not in _WEIGHTS:
+            raise ArgumentError(f"projection: {name!r} is no weight; {closest(str(name), _WEIGHTS, what='weights')}")
+    return dict(given)
+
+
+_WEIGHTS = ("Q", "R", "Q_final")

@@ -10,12 +10,14 @@ if TYPE_CHECKING:
     from leastaction.systems.checks import check_derivatives
     from leastaction.systems.continuous import MechanismSystem
     from leastaction.systems.costs.configurations import CostOfConfigurations
+    from leastaction.systems.costs.orientations import OrientationCost
     from leastaction.systems.costs.places import PlaceCost
     from leastaction.systems.costs.smooth import CostOfAccelerations, SmoothCost
     from leastaction.systems.embedding import embed
     from leastaction.systems.following.follow import Followed, follow
     from leastaction.systems.keep import Keep
     from leastaction.systems.midpoint import MidpointSystem
+    from leastaction.systems.oriented import Oriented
     from leastaction.systems.pulled import PulledSystem
     from leastaction.systems.regions import Ball, Box, HalfSpace, Region
     from leastaction.systems.relaxation import by_tensions, relax
@@ -29,12 +31,14 @@ else:
             "leastaction.systems.checks": "check_derivatives",
             "leastaction.systems.continuous": "MechanismSystem",
             "leastaction.systems.costs.configurations": "CostOfConfigurations",
+            "leastaction.systems.costs.orientations": "OrientationCost",
             "leastaction.systems.costs.places": "PlaceCost",
             "leastaction.systems.costs.smooth": "CostOfAccelerations SmoothCost",
             "leastaction.systems.embedding": "embed",
             "leastaction.systems.following.follow": "Followed follow",
             "leastaction.systems.keep": "Keep",
             "leastaction.systems.midpoint": "MidpointSystem",
+            "leastaction.systems.oriented": "Oriented",
             "leastaction.systems.pulled": "PulledSystem",
             "leastaction.systems.regions": "Ball Box HalfSpace Region",
             "leastaction.systems.relaxation": "by_tensions relax",
@@ -46,6 +50,6 @@ else:
 
 __all__ = [
     "Ball", "Box", "CostOfAccelerations", "CostOfConfigurations", "Followed", "HalfSpace", "Keep", "MechanismSystem",
-    "MidpointSystem", "PlaceCost", "Played", "PulledSystem", "Region", "Rig", "SmoothCost", "by_tensions",
-    "check_derivatives", "embed", "follow", "play", "relax", "warm_start",
+    "MidpointSystem", "OrientationCost", "Oriented", "PlaceCost", "Played", "PulledSystem", "Region", "Rig",
+    "SmoothCost", "by_tensions", "check_derivatives", "embed", "follow", "play", "relax", "warm_start",
 ]  # fmt: skip

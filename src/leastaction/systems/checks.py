@@ -48,14 +48,26 @@ def check_derivatives(
 ) -> DerivativeReport: ...
 
 
+@overload
+def check_derivatives(
+    what: Cost, at: ArrayLike, u: ArrayLike, *, tolerance: float = ..., seed: int = ...
+) -> DerivativeReport: ...
+
+
+@overload
+def check_derivatives(
+    what: ContinuousCost, at: DenseTrajectory, *, tolerance: float = ..., seed: int = ...
+) -> DerivativeReport: ...
+
+
 def check_derivatives(what: Any, at: Any, *arguments: Any, **options: Any) -> FunctionReport | DerivativeReport:
     """Compare the derivatives of what you wrote with those of its definition.
 
     Parameters
     ----------
-    what : PythonFunction, DiscreteSystem or ContinuousSystem
+    what : PythonFunction, DiscreteSystem, ContinuousSystem, Cost or ContinuousCost
     at : array_like (m,), or a curve
-        Where to compare: of a function at a point z, of a system along a curve x, u or a DenseTrajectory.
+        Where to compare: of a function at a point z, of a system or a cost along a curve x, u or a DenseTrajectory.
     *arguments, **options
         As of `leastaction.mechanics.check_function`, or of `leastaction.optimal.check_derivatives`, which takes a cost
         besides.
@@ -72,9 +84,9 @@ def check_derivatives(what: Any, at: Any, *arguments: Any, **options: Any) -> Fu
     """
     if isinstance(what, PythonFunction):
         return check_function(what, at, *arguments, **options)
-    if isinstance(what, (DiscreteSystem, ContinuousSystem)):
+    if isinstance(what, (DiscreteSystem, ContinuousSystem, Cost, ContinuousCost)):
         return checks.check_derivatives(what, at, *arguments, **options)
     raise ArgumentError(
-        f"check_derivatives: got {type(what).__name__}, expected a PythonFunction (with a point z), a DiscreteSystem "
-        "or ContinuousSystem (with a curve); a cost is given with its system, as cost="
+        f"check_derivatives: got {type(what).__name__}, expected a PythonFunction (with a point z), a system or "
+        "a cost (with a curve)"
     )

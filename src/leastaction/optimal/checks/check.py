@@ -9,9 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from leastaction.errors import ArgumentError
-from leastaction.optimal.checks.continuous import compare_continuous
-from leastaction.optimal.checks.discrete import compare_discrete
+from leastaction.optimal.checks.continuous import compare_continuous, compare_continuous_cost
+from leastaction.optimal.checks.discrete import compare_cost, compare_discrete
+from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.system import ContinuousSystem
+from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.system import check_system
 
@@ -46,7 +48,7 @@ class DerivativeReport:
 
 
 def check_derivatives(
-    system: DiscreteSystem | ContinuousSystem,
+    system: DiscreteSystem | ContinuousSystem | Cost | ContinuousCost,
     x: Any,
     u: Any = None,
     *,
@@ -54,15 +56,16 @@ def check_derivatives(
     tolerance: float = 1e-6,
     seed: int = 0,
 ) -> DerivativeReport:
-    """Compare the derivatives of a system, and of a cost, with central differences.
+    """Compare the derivatives of a system, of a cost, or of both, with central differences.
 
     Parameters
     ----------
-    system : DiscreteSystem or ContinuousSystem
+    system : DiscreteSystem, ContinuousSystem, Cost or ContinuousCost
+        What is checked.
     x, u : array_like (N+1, nx), (N, nu); or a DenseTrajectory alone
         Curve along which to check, at a few of its steps or times. It need not be a trajectory of the system.
     cost : Cost or ContinuousCost, optional
-        Cost to check along the same curve.
+        Cost to check along the same curve as a system.
     tolerance : float
         Relative error that is allowed; central differences are good to about 1e-8.
     seed : int
@@ -76,8 +79,14 @@ def check_derivatives(
     Raises
     ------
     ArgumentError
-        Shapes that do not fit the system.
+        Shapes that do not fit the system or the cost.
     """
+    if isinstance(system, Cost | ContinuousCost):
+        if cost is not None:
+            raise ArgumentError("cost: got a second one, expected None: the first argument is a cost already")
+        if isinstance(system, Cost):
+            return DerivativeReport(dict(compare_cost(system, x, u, seed)), tolerance)
+        return DerivativeReport(dict(compare_continuous_cost(system, x)), tolerance)
     check_system(system, (DiscreteSystem, ContinuousSystem), ("nx", "nu"))
     if isinstance(system, DiscreteSystem):
         check_system(system, (DiscreteSystem,), ("N",))

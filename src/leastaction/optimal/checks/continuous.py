@@ -28,7 +28,7 @@ def compare_continuous(
     if cost is not None:
         cost.check(curve.t0, curve.tf, nx, nu)
     rng = np.random.default_rng(seed)
-    times = curve.t0 + (curve.tf - curve.t0) * np.array([0.013, 0.321, 0.777])
+    times = _times(curve)
     x, u = map(read_only, curve.sample(times))
     z = read_only(rng.standard_normal((len(times), nx)))
     errors = Errors()
@@ -48,6 +48,23 @@ def compare_continuous(
     if cost is not None:
         _compare_final(cost, x[-1], curve.tf, note)
     return errors
+
+
+def compare_continuous_cost(cost: ContinuousCost, curve: DenseTrajectory) -> Errors:
+    """Return the same of a cost alone."""
+    require_instance(curve, "curve", DenseTrajectory, "DenseTrajectory.from_functions or from_samples make one")
+    cost.check(curve.t0, curve.tf, curve.nx, curve.nu)
+    times, errors = _times(curve), Errors()
+    x, u = map(read_only, curve.sample(times))
+    for i, t in enumerate(times.tolist()):
+        _compare_rate(cost, np.concatenate([x[i], u[i]]), curve.nx, t, errors.note)
+    _compare_final(cost, x[-1], curve.tf, errors.note)
+    return errors
+
+
+def _times(curve: DenseTrajectory) -> Array:
+    """Return the times at which a curve is looked at."""
+    return np.asarray(curve.t0 + (curve.tf - curve.t0) * np.array([0.013, 0.321, 0.777]))
 
 
 def _compare_rate(cost: ContinuousCost, at: Array, nx: int, t: float, note: _Note) -> None:

@@ -17,12 +17,12 @@ from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult
 from leastaction.optimal.discrete.cost import Cost
-from leastaction.optimal.discrete.easing import EasedProblem
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.line_search import Trial
 from leastaction.optimal.loop import Problem
 from leastaction.optimal.options import Method, Options
 from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.search.problem import DiscreteProblem
 from leastaction.optimal.system import check_system
 
 _LENGTHS = np.linspace(0.0, 1.5, 31)
@@ -110,7 +110,7 @@ def cost_along(
     made: Problem[Any, Any, Any]
     if isinstance(system, DiscreteSystem):
         require_instance(cost, "cost", Cost, "such as a QuadraticCost")
-        made = EasedProblem(system, cast(Cost, cost), settings, False, "never")
+        made = DiscreteProblem(system, cast(Cost, cost), settings)
         given = (initial.x, initial.u) if isinstance(initial, OptimizationResult) else initial
     else:
         require_instance(cost, "cost", ContinuousCost, "such as a ContinuousQuadraticCost")

@@ -13,7 +13,8 @@ from leastaction.optimal.discrete.charts import along_charts
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.hessians import CostHessian
 from leastaction.optimal.discrete.system import DiscreteSystem, linearized
-from leastaction.optimal.space import moved_by
+from leastaction.optimal.space import StateSpace, moved_by
+from leastaction.optimal.system import space_of
 
 
 def compare_discrete(system: DiscreteSystem, x: ArrayLike, u: ArrayLike, cost: Cost | None, seed: int) -> Errors:
@@ -28,7 +29,20 @@ def compare_discrete(system: DiscreteSystem, x: ArrayLike, u: ArrayLike, cost: C
     _compare_rollout(system, states, inputs, rng, errors)
     _compare_whole(system, states, inputs, rng, errors)
     if cost is not None:
-        _compare_cost(system, cost, states, inputs, rng, errors)
+        _compare_cost(cost, system.charts(), states, inputs, rng, errors)
+    return errors
+
+
+def compare_cost(cost: Cost, x: ArrayLike, u: ArrayLike, seed: int) -> Errors:
+    """Return the same of a cost alone, over states that are what its own `space` says, if it has one."""
+    states, inputs = as_array(x, "x", (None, None), meaning="(N+1, nx)"), as_array(u, "u", (None, None))
+    N = len(inputs)
+    if len(states) != N + 1:
+        raise ArgumentError(f"x, u: got {len(states)} states and {N} inputs, expected one state more than inputs")
+    cost.check_shapes(N, states.shape[1], inputs.shape[1])
+    errors = Errors()
+    space = space_of(getattr(cost, "space", None))
+    _compare_cost(cost, space, read_only(states.copy()), read_only(inputs.copy()), np.random.default_rng(seed), errors)
     return errors
 
 
@@ -82,10 +96,11 @@ def _compare_whole(system: DiscreteSystem, x: Array, u: Array, rng: np.random.Ge
 
 
 def _compare_cost(
-    system: DiscreteSystem, cost: Cost, x: Array, u: Array, rng: np.random.Generator, errors: Errors
+    cost: Cost, space: StateSpace | None, x: Array, u: Array, rng: np.random.Generator, errors: Errors
 ) -> None:
     """Along a random direction over the whole curve."""
-    dx, du, space = rng.standard_normal((len(x), system.ndx)), rng.standard_normal(u.shape), system.charts()
+    dx = rng.standard_normal((len(x), x.shape[1] if space is None else space.ndx))
+    du = rng.standard_normal(u.shape)
 
     def value(s: Array) -> Array:
         return np.array([cost.value(moved_by(space, x, s * dx), u + s * du)])

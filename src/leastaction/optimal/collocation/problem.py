@@ -1,4 +1,4 @@
-"""A continuous problem with limits or a free start, as the optimiser's loop sees it: one mesh after the other."""
+"""A continuous problem on a mesh: one discrete problem after the other, with shorter pieces where it needs them."""
 
 from __future__ import annotations
 
@@ -10,27 +10,28 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
-from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial
 from leastaction.optimal.accuracy import Accuracy
-from leastaction.optimal.collocation.cost import AnyCollocationCost, collocation_cost
+from leastaction.optimal.collocation.cost import collocation_cost
+from leastaction.optimal.collocation.gains import regulator_along
 from leastaction.optimal.collocation.limits import Stated, stated, told
 from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
+from leastaction.optimal.collocation.own_projection import projection_on
 from leastaction.optimal.collocation.system import CollocationSystem
-from leastaction.optimal.continuous.cost import ContinuousCost, ContinuousQuadraticCost
+from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
-from leastaction.optimal.discrete.direction import DiscreteDirection, Iterate
-from leastaction.optimal.discrete.linear_quadratic import solve_linear_quadratic
+from leastaction.optimal.iterates.here import Here
+from leastaction.optimal.iterates.work import Work
 from leastaction.optimal.limit_report import LimitReport
-from leastaction.optimal.limits.barrier_problem import BarrierProblem
 from leastaction.optimal.limits.limit import Limit
-from leastaction.optimal.limits.problem import LimitedProblem
+from leastaction.optimal.limits.merit import BarrierMerit
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.line_search import Trial
 from leastaction.optimal.memory import Memory, OnMesh
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.search.grid import TimeGrid
+from leastaction.optimal.search.problem import DiscreteProblem
 
 # Pieces of the first mesh, and of the last one at most; how often it is made finer.
 _FIRST, _FIRST_MOST, _MOST, _ROUNDS = 16, 128, 1500, 9
@@ -43,12 +44,14 @@ _SHORTEST = 1e-4  # shortest piece, in parts of the horizon
 _ROUGH = 1e-3  # error of a first mesh, in parts of the states' size (rms)
 _AGAIN = 1e-4  # barrier parameter on a finer mesh, in parts of the first
 
+Densities = list[tuple[Array, Array, Array]]
+"""Times, duals and prices of limits as they were stated."""
 
-class CollocationProblem(BarrierProblem):
-    """A continuous system, its cost and its limits, on a mesh that is made finer where the motion asks for it.
 
-    Where the minimum on one mesh is found and its pieces are too long for the motion, the next stage has shorter ones
-    there. The duals go along, as functions of time.
+class Collocation:
+    """A continuous system, its cost and its limits, to be put on meshes.
+
+    ``own``: the problem without a mesh, which tells of the horizon and of a first trajectory.
     """
 
     def __init__(
@@ -62,16 +65,9 @@ class CollocationProblem(BarrierProblem):
         free_start: bool | Sequence[str],
     ) -> None:
         self.own = ContinuousProblem(system, cost, settings, accuracy, horizon)
-        self.stated_limits, self.settings, self.free_start = tuple(limits), settings, free_start
-        self.mesh: RadauMesh
-        self.sides: list[Stated] = []
-        self.densities: list[tuple[Array, Array, Array]] = []
-        self.rounds = 0
-        self.moved = True
+        self.limits, self.settings, self.free_start = tuple(limits), settings, free_start
 
-    # ---- Where to start -------------------------------------------------------------------------
-
-    def start(self, initial: Any) -> None:
+    def start(self, initial: Any) -> DiscreteProblem:
         """Begin with a curve to be projected, that of an earlier result, or an initial state and inputs."""
         given = initial.limits if isinstance(initial, ContinuousOptimizationResult) else None
         own = self.own
@@ -79,24 +75,22 @@ class CollocationProblem(BarrierProblem):
         if not is_curve:
             own.apply(curve)
             curve = own.trajectory
-        inner = self._times(curve.t0, curve.tf)
-        if given is not None:
-            self.densities = _densities(given)
+        inner, densities = self._times(curve.t0, curve.tf), [] if given is None else _densities(given)
         pieces = _FIRST
         while pieces < _FIRST_MOST and _misses(curve, RadauMesh.first(curve.t0, curve.tf, inner, pieces)):
             pieces *= 2
         failure: ArgumentError | None = None
         for _ in range(3):
+            grid = MeshGrid(self, RadauMesh.first(curve.t0, curve.tf, inner, pieces))
             try:
-                self._lay(RadauMesh.first(curve.t0, curve.tf, inner, pieces), curve)
+                return grid.start(curve, densities)
             except ArgumentError as error:
                 failure, pieces = error, 2 * pieces
-                continue
-            return
         assert failure is not None
         raise failure
 
-    def resume(self, result: OptimizationResult) -> None:
+    def resume(self, result: OptimizationResult) -> DiscreteProblem:
+        """Begin where an earlier run ended."""
         own = self.own
         own.resume(result)
         self._times(own.trajectory.t0, own.trajectory.tf)
@@ -106,18 +100,15 @@ class CollocationProblem(BarrierProblem):
                 "resume: got a result that was not found on a mesh, expected one with the limits of this call. Give it "
                 "as initial"
             )
-        self._set(RadauMesh(mesh.breaks))
-        self.x, self.u, self.gain = mesh.x, mesh.u, mesh.gain
-        self.value, self.rounds = self.cost.value(self.x, self.u), mesh.rounds
-        self._begin(resumed=True)
-        if result.limits is not None or self.sides:
-            self._restore(result.limits)
-        self.moved = mesh.moved
+        grid = MeshGrid(self, RadauMesh(mesh.breaks), mesh.rounds)
+        problem = grid.resume(mesh, result)
+        grid.moved = mesh.moved
+        return problem
 
     def _times(self, t0: float, tf: float) -> list[float]:
         """Return the times that have to be ends of pieces: where something jumps, or limits are asked alone."""
         inner = list(self.own.jumps)
-        for limit in self.stated_limits:
+        for limit in self.limits:
             at: Any = limit.at
             for time in [at] if isinstance(at, (str, int, float)) else at or ():
                 if isinstance(time, (str, bool)):
@@ -127,35 +118,68 @@ class CollocationProblem(BarrierProblem):
                 inner.append(float(time))
         return inner
 
-    def _lay(self, mesh: RadauMesh, curve: DenseTrajectory) -> None:
-        """Begin on a mesh, at the motion on it that follows a curve."""
-        self._set(mesh)
-        x, u = self._nodes(curve)
-        BarrierProblem.start(self, (x, u))
-        self._carry()
-        self.moved = self.rounds == 0
 
-    def accept(self, direction: DiscreteDirection, trial: Trial[Iterate]) -> None:
-        super().accept(direction, trial)
-        self.moved = True
+class MeshGrid(TimeGrid):
+    """The pieces of a horizon.
 
-    def _set(self, mesh: RadauMesh) -> None:
-        """Take a mesh."""
-        own = self.own
-        system = CollocationSystem(own.system, mesh)
-        self.mesh = mesh
-        self.sides = stated(self.stated_limits, own.system, mesh, 1 if self.free_start is False else 0)
-        cost = collocation_cost(own.cost, mesh, system.layout)
-        clock, rollouts = getattr(self, "clock", own.clock), self.rollouts
-        super().__init__(system, cost, list(_rows(self.sides)), self.settings, self.free_start)
-        self.clock, self.rollouts = clock, rollouts
+    Where the minimum on one mesh is found and its pieces are too long for the motion, the next problem has shorter ones
+    there. The duals go along, as functions of time.
 
-    def _with(self, rows: list[Rows], settings: Options) -> LimitedProblem:
-        return LimitedProblem(self.system, self.cost, rows, settings, self.free_start)
+    ``whole``: what is on the mesh. ``rounds``: how often it was made finer. ``moved``: whether a step was made on this
+    one.
+    """
+
+    is_mesh = True
+
+    def __init__(self, whole: Collocation, mesh: RadauMesh, rounds: int = 0) -> None:
+        self.whole, self.mesh, self.rounds = whole, mesh, rounds
+        self.moved = rounds == 0
+        own = whole.own
+        self.system = CollocationSystem(own.system, mesh)
+        self.sides = stated(whole.limits, own.system, mesh, 1 if whole.free_start is False else 0)
+
+    # ---- The problem on it ------------------------------------------------------------------------
+
+    def _problem(self) -> DiscreteProblem:
+        whole = self.whole
+        cost, settings = collocation_cost(whole.own.cost, self.mesh, self.system.layout), whole.settings
+        given = whole.own.projection
+        if given is not None:
+            on_mesh = projection_on(given, whole.own.system, self.mesh, self.system.layout)
+            settings = settings.changed(projection=on_mesh)
+        return DiscreteProblem(
+            self.system, cost, settings, list(_rows(self.sides)), whole.free_start, grid=self,
+            finer=self.finer, results=self.result,
+            work=Work(self.system.N, self.system.ndx, self.system.nu, clock=whole.own.clock),
+        )  # fmt: skip
+
+    def start(self, curve: DenseTrajectory, densities: Densities, before: Work | None = None) -> DiscreteProblem:
+        """Return the problem at the motion that follows a curve.
+
+        ``densities``: of its limits, where these are known. ``before``: where another mesh was worked on.
+        """
+        problem = self._problem()
+        if before is not None:
+            problem.parts.work.count_on(before)
+        problem.start(self._nodes(curve))
+        if problem.parts.barrier is not None:
+            self._carry(problem, problem.parts.barrier, densities)
+        return problem
+
+    def resume(self, mesh: OnMesh, result: OptimizationResult) -> DiscreteProblem:
+        """Return the problem where an earlier run ended."""
+        problem = self._problem()
+        here = problem.parts.here
+        here.move(mesh.x, mesh.u, None)
+        here.gain, here.value = mesh.gain, problem.parts.plain.cost.value(mesh.x, mesh.u)
+        problem.beginning.put_limits_in(resumed=True)
+        if result.limits is not None or self.sides:
+            self._restore(problem, result.limits)
+        return problem
 
     def _nodes(self, curve: DenseTrajectory) -> tuple[Array, Array]:
         """Return states and inputs of the discrete system along a curve."""
-        mesh, layout = self.mesh, self.layout
+        mesh, layout = self.mesh, self.system.layout
         x, u = curve.sample(mesh.t.ravel())
         x, u = x.reshape(mesh.N, STAGES, -1), u.reshape(mesh.N, STAGES, -1)
         z = np.zeros((mesh.N + 1, layout.nz))
@@ -163,65 +187,43 @@ class CollocationProblem(BarrierProblem):
         z[1:] = layout.joined(x, u)
         return z, u.reshape(mesh.N, -1)
 
-    @property
-    def layout(self) -> Any:
-        """Where states and inputs of points are."""
-        return self.system.layout  # type: ignore[attr-defined]
+    # ---- Finer meshes -----------------------------------------------------------------------------
 
-    def _set_out(self) -> None:
-        super()._set_out()
-        # Along a limit that is bent there is a way down from a saddle as far as its barrier is soft: later, none.
-        self.tells_saddles |= self.system.has_curvature and bool(self.limited.others)
-
-    # ---- Meshes ---------------------------------------------------------------------------------
-
-    def tolerated(self, goal: float) -> float:
+    def tolerated(self, goal: float, noise: float) -> float:
         """Return the expected decrease that is small enough: on a finer mesh a step is made, or it were for nothing."""
-        enough = super().tolerated(goal)
-        return enough if self.moved else min(enough, _ABOVE_NOISE * self.noise)
+        return goal if self.moved else min(goal, _ABOVE_NOISE * noise)
 
-    def next_stage(self, *, moved: bool = True) -> bool:
-        """Go on with dearer excess or a smaller barrier, or else with shorter pieces where the motion asks for them."""
-        if super().next_stage(moved=moved):
-            return True
-        if self.rounds >= _ROUNDS or not self.stages.are_met(self._limits()):
-            return False
-        coarse = self._coarse()
+    def note_step(self) -> None:
+        self.moved = True
+
+    def finer(self, problem: DiscreteProblem) -> DiscreteProblem | None:
+        """Return the problem with shorter pieces where the motion asks for them."""
+        limits = problem.parts.limits
+        if self.rounds >= _ROUNDS or not (limits is None or limits.stages.are_met(limits.limits())):
+            return None
+        coarse = self._coarse(problem.parts.here)
         mesh = self.mesh.halved(coarse)
         if not coarse.any() or mesh.N > _MOST:
-            return False
-        before = vars(self).copy()
+            return None
+        curve, densities = self.curve(problem.parts.here), _densities(self._report(problem))
         try:
-            self._refine(mesh)
-        except KeyboardInterrupt:  # it stands where it stood, as a whole
-            vars(self).clear()
-            vars(self).update(before)
-            raise
-        return True
-
-    def _refine(self, mesh: RadauMesh) -> None:
-        """Go on with the motion found so far on a finer mesh."""
-        self.rounds += 1
-        curve, self.densities = self.curve(), _densities(self._told())
-        before = self.mesh
-        try:
-            self._lay(mesh, curve)
+            following = MeshGrid(self.whole, mesh, self.rounds + 1).start(curve, densities, problem.parts.work)
         except ArgumentError:
             # The motion on the mesh before is an answer; a finer one could not be set out on.
-            self._lay(before, curve)
-            self.rounds = _ROUNDS
+            following = MeshGrid(self.whole, self.mesh, _ROUNDS).start(curve, densities, problem.parts.work)
+        return following
 
-    def _coarse(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    def _coarse(self, here: Here) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Return which pieces are too long."""
-        mesh, system = self.mesh, self.own.system
-        rtol = self.own.accuracy.rtol
+        mesh, system = self.mesh, self.whole.own.system
+        rtol = self.whole.own.accuracy.rtol
         tolerance = max(min(_OF_ACCURACY * rtol, _OF_STATES), rtol)
-        curve = self.curve()
+        curve = self.curve(here)
         t = mesh.between()
         x, u = curve.sample(t.ravel())
         slopes = curve.x.derivative()(t.ravel())
         rates = system.rates(x, u, t.ravel())
-        states, inputs = self.layout.points(self.x[1:])
+        states, inputs = self.system.layout.points(here.x[1:])
         size = np.abs(states).max(axis=(0, 1))
         size = np.maximum(size, 1e-3 * size.max(initial=0.0)) + 1e-9
         off = np.abs(slopes - rates).reshape(*t.shape, -1).max(axis=1) * mesh.h[:, None] / size
@@ -232,18 +234,17 @@ class CollocationProblem(BarrierProblem):
         long = mesh.h > _SHORTEST * (mesh.breaks[-1] - mesh.breaks[0])
         return np.asarray(long & ((off > tolerance).any(axis=1) | rough))
 
-    def curve(self) -> DenseTrajectory:
-        """Return the current iterate as functions of time."""
-        nx = self.own.system.nx
-        states, inputs = self.layout.points(self.x[1:])
-        return DenseTrajectory(self.mesh.curve(self.x[0, :nx], states, inputs), nx)
+    def curve(self, here: Here) -> DenseTrajectory:
+        """Return an iterate as functions of time."""
+        nx = self.whole.own.system.nx
+        states, inputs = self.system.layout.points(here.x[1:])
+        return DenseTrajectory(self.mesh.curve(here.x[0, :nx], states, inputs), nx)
 
-    # ---- Duals ----------------------------------------------------------------------------------
+    # ---- Duals ------------------------------------------------------------------------------------
 
-    def _carry(self) -> None:
-        """Take the duals of the mesh before, as functions of time."""
-        densities, self.densities = self.densities, []
-        duals, stages = self.duals, self.stages
+    def _carry(self, problem: DiscreteProblem, limits: BarrierMerit, densities: Densities) -> None:
+        """Take the duals of another mesh, as functions of time."""
+        duals, stages = limits.duals, limits.stages
         if len(densities) != sum(1 for side in self.sides if not side.is_second):
             return
         i = 0
@@ -270,87 +271,55 @@ class CollocationProblem(BarrierProblem):
                     i += 1
         duals.settle_prices()
         duals.mu = max(_AGAIN * stages.first_mu, stages.last)
-        self._set_out()
+        problem.parts.set_out()
 
-    def _restore(self, given: LimitReport | None) -> None:
+    def _restore(self, problem: DiscreteProblem, given: LimitReport | None) -> None:
         """Go on with the duals of an earlier run."""
         if given is None:
             raise ArgumentError("resume: got a result without limits, expected those of this call. Give it as initial")
-        if given.labels != self._told().labels:
+        limits = problem.parts.limits
+        labels = () if limits is None else self._report(problem).labels
+        if limits is None or given.labels != labels:
             raise ArgumentError(
                 f"resume: got a result with the limits {', '.join(given.labels[:4])} ..., expected those of this "
                 "call. Give initial=result to start from its trajectory with others"
             )
-        barrier, stages = given.barrier, self.stages
-        if barrier is None or barrier.duals.size != sum(y.size for y in self.duals.y):
-            self.densities = _densities(given)
-            self._carry()
+        barrier, stages = given.barrier, limits.stages
+        if barrier is None or barrier.duals.size != limits.duals.y.flat.size:
+            self._carry(problem, limits, _densities(given))
             return
         stages.size, stages.first_mu = barrier.size, barrier.first_mu
         stages.last = barrier.last_mu
-        self.duals.restore(given.mu, barrier)
-        self.values = None  # they may have been lent other leeway
-        self._set_out()
+        limits.duals.restore(given.mu, barrier)
+        limits.forget_leeway()  # they may have been lent another
+        problem.parts.set_out()
 
-    # ---- What is told ---------------------------------------------------------------------------
+    # ---- What is told -----------------------------------------------------------------------------
 
-    def arrays(self) -> tuple[Array, Array]:
+    def arrays(self, here: Here) -> tuple[Array, Array]:
         """Return states and inputs at the ends of the pieces."""
-        inputs = self.layout.points(self.x[1:])[1]
-        return self.x[:, : self.own.system.nx].copy(), self.mesh.inputs_at_breaks(inputs)
+        inputs = self.system.layout.points(here.x[1:])[1]
+        return here.x[:, : self.whole.own.system.nx].copy(), self.mesh.inputs_at_breaks(inputs)
 
-    def result(self, summary: dict[str, Any]) -> ContinuousOptimizationResult:
-        own = self.own
-        own.trajectory = self.curve()
-        own.gain = own.feedback = self._gains()
+    def result(self, problem: DiscreteProblem, summary: dict[str, Any]) -> ContinuousOptimizationResult:
+        """Return the result at the current iterate, in continuous time."""
+        own, here = self.whole.own, problem.parts.here
+        own.trajectory = curve = self.curve(here)
+        linearization = problem.parts.models.linearize()
+        own.gain = own.feedback = regulator_along(self.system, own.cost, curve, linearization, here.x, here.u)
         found = own.result(summary)
         # At the end of a piece the input is that of its last point: the next piece's polynomial may stand beside it.
         u = found.u.copy()
-        u[1:] = self.layout.points(self.x[1:])[1][:, -1]
-        mesh = OnMesh(self.mesh.breaks, self.x, self.u, self.gain.copy(), self.rounds, self.moved)
-        return replace(found, u=u, limits=self._told() if self.sides else None, memory=Memory(mesh=mesh))
+        u[1:] = self.system.layout.points(here.x[1:])[1][:, -1]
+        mesh = OnMesh(self.mesh.breaks, here.x, here.u, here.gain.copy(), self.rounds, self.moved)
+        limits = self._report(problem) if self.sides else None
+        return replace(found, u=u, limits=limits, memory=Memory(mesh=mesh))
 
-    def _gains(self) -> PiecewisePolynomial:
-        """Return the gains of the cost's own regulator, without limits, and no feedforward, as functions of time."""
-        own, mesh = self.own, self.mesh
-        nx, nu = own.system.nx, own.system.nu
-        even = ContinuousQuadraticCost(np.zeros(nx), np.zeros(nu), Q=np.ones(nx), R=np.ones(nu), Q_final=np.ones(nx))
-        for cost in (own.cost, even):
-            Q, R, S, Q_final = AnyCollocationCost(cost, mesh, self.layout).hessian(self.x, self.u)
-            solution = solve_linear_quadratic(*self._linearize(), Q=Q, R=R, S=S, Q_final=Q_final, keep_P=True)
-            if solution.definite:
-                break
-        assert solution.P is not None
-        # What the piece before costs is no part of the cost to go.
-        P = solution.P[:, :nx, :nx] - np.concatenate([Q, Q_final[None]])[:, :nx, :nx]
-        P[-1] += cost.final_hessian(self.x[-1, :nx], float(mesh.breaks[-1]))
-        curve = own.trajectory
-
-        def gains(t: Array, P: Array) -> tuple[Array, Array]:
-            """Return K, and the slope of P."""
-            x, u = curve.sample(t)
-            A, B = own.system.linearize(x, u, t)
-            Q, R, S = cost.hessian(x, u, t)
-            right = B.transpose(0, 2, 1) @ P
-            if S is not None:
-                right += S.transpose(0, 2, 1)
-            K = np.asarray(np.linalg.solve(R, right), dtype=np.float64)
-            pull = P @ A
-            return K, right.transpose(0, 2, 1) @ K - Q - pull - pull.transpose(0, 2, 1)
-
-        # Between the ends of a piece P is the cubic that has its values and slopes there.
-        h, fine = mesh.h[:, None, None, None], Mesh(mesh.breaks)
-        begin, end = (gains(t, at)[1][:, None] for t, at in ((mesh.breaks[:-1], P[:-1]), (mesh.t[:, -1], P[1:])))
-        s = ((fine.t.reshape(mesh.N, -1) - mesh.breaks[:-1, None]) / mesh.h[:, None])[:, :, None, None]
-        step = P[1:, None] - P[:-1, None]
-        between = P[:-1, None] + s * s * (3.0 - 2.0 * s) * step
-        between = between + h * s * (1.0 - s) * ((1.0 - s) * begin - s * end)
-        K = gains(fine.t, between.reshape(-1, nx, nx))[0].reshape(len(fine.t), -1)
-        return fine.fit(np.hstack([K, np.zeros((len(K), nu))]), (nu * nx + nu,))
-
-    def _told(self) -> LimitReport:
+    def _report(self, problem: DiscreteProblem) -> LimitReport:
         """Return the report of the limits as they were stated."""
-        report = self.report()
+        if problem.parts.limits is None:
+            return LimitReport((), np.nan, 0.0)
+        report = problem.parts.report()
         return replace(report, sides=told(self.sides, report.sides, self.mesh))
 
 
@@ -374,6 +343,6 @@ def _rows(sides: Sequence[Stated]) -> Iterator[Rows]:
                 yield sides[i + 1].rows[j]
 
 
-def _densities(report: LimitReport) -> list[tuple[Array, Array, Array]]:
+def _densities(report: LimitReport) -> Densities:
     """Return times, duals and prices of what was stated."""
     return [(side.t, side.dual, side.price) for side in report.sides if side.t is not None]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from leastaction.numerics.arrays import Array
@@ -50,6 +50,9 @@ class ContinuousContent:
     def of(cls, result: Any) -> ContinuousContent:
         """Return what a file holds of a result."""
         common = OptimizationResult(**common_of(result))
+        if isinstance(common.settings.projection, PiecewisePolynomial):
+            # They are those of the projection, which are kept.
+            common = replace(common, settings=common.settings.changed(projection=None))
         return cls(
             common=common,
             nx=result.dense.nx,

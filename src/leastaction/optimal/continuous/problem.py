@@ -22,6 +22,7 @@ from leastaction.optimal.continuous.model import (
     with_curvature,
     with_identities,
 )
+from leastaction.optimal.continuous.own_projection import checked_gains, feedback_of, weights_as_cost
 from leastaction.optimal.continuous.projection import Follower, roll_out
 from leastaction.optimal.continuous.riccati import (
     ContinuousLinearQuadraticSolution,
@@ -33,7 +34,7 @@ from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.line_search import Refusal, Trial, rounding_of
-from leastaction.optimal.loop import Direction, Problem
+from leastaction.optimal.loop import Clock, Direction, OneStage, Problem, along_parabola
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
 
@@ -70,8 +71,13 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
     ``horizon``: times (s), if what it starts from does not bring them.
     """
 
-    # The noise of a cost is estimated, not known: a step that is lost in it may still have converged.
-    patience = 2
+    rollouts: int = 0
+    value: float = np.nan
+    roughness: float = 0.0
+    gap = 0.0
+    worst_step = None
+    sees_walls = False
+    undetermined = ""
 
     # The Riccati equation is the stiffer the larger the weights, and it is integrated explicitly.
     largest_shift = 10.0
@@ -84,13 +90,16 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         accuracy: Accuracy,
         horizon: tuple[float, float] | None = None,
     ) -> None:
-        super().__init__()
+        self._clock = Clock()
+        # The noise of a cost is estimated, not known: a step that is lost in it may still have converged.
+        self.stages = OneStage(patience=2)
         self.horizon = horizon
         self.system = system
         self.cost = cost
         self.accuracy = accuracy
         self.has_curvature = self.tells_saddles = system.has_curvature
-        self.own_regulator = settings.regulator == "lqr"
+        self.projection = settings.projection  # of a user
+        self.own_regulator = settings.regulator == "lqr" or self.projection is not None
         self.jumps = tuple(sorted({*system.jumps, *cost.jumps}))
 
         # The current iterate, and the gains of the projection that led to it.
@@ -103,6 +112,21 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         self.feedback: PiecewisePolynomial | None = None
 
     @property
+    def clock(self) -> Clock:
+        return self._clock
+
+    @property
+    def shown(self) -> float:
+        return self.value
+
+    @property
+    def magnitude(self) -> float:
+        return self.value
+
+    def note_roughness(self, off: float) -> None:
+        self.roughness = off
+
+    @property
     def noise(self) -> float:
         """What the cost may be off by the error of the integration."""
         return _ERROR_OF_COST * self.accuracy.rtol * abs(self.value) + rounding_of(self.value)
@@ -110,6 +134,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
     # ---- Where to start -------------------------------------------------------------------------
 
     def start(self, initial: DenseTrajectory | tuple[TimeFunctionLike, TimeFunctionLike]) -> None:
+        """Begin with a trajectory, a curve to be projected, or an initial state and inputs."""
         curve, is_curve = self.given(initial)
         if not is_curve:
             self.apply(curve)
@@ -155,6 +180,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
         self._project(curve, PiecewisePolynomial.constant(np.zeros(nu * nx + nu), curve.t0, curve.tf))
 
     def resume(self, result: OptimizationResult) -> None:
+        """Begin where an earlier run ended."""
         assert isinstance(result, ContinuousOptimizationResult)
         trajectory, nx, nu = result.dense, self.system.nx, self.system.nu
         if (trajectory.nx, trajectory.nu) != (nx, nu):
@@ -205,6 +231,8 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
 
     def _regulate(self) -> PiecewisePolynomial:
         """Return gains about the current curve: of the cost's own regulator, if it has one."""
+        if self.projection is not None:
+            return self._own_feedback()
         solution = self._solve("quasi-newton", 0.0)
         if not solution.definite:
             solution = self._solve_regulator()
@@ -212,11 +240,16 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
             self.quasi_newton = solution
         return solution.feedback
 
+    def _own_feedback(self) -> PiecewisePolynomial:
+        """Return the projection's own gains, as they were given or of a regulator with its own weights."""
+        gains = None if self.projection is None else checked_gains(self.projection, self.system)
+        return self._solve_regulator().feedback if gains is None else feedback_of(gains)
+
     # ---- Directions -----------------------------------------------------------------------------
 
     def minimise_model(self, method: str, scale: float, shift: float = 0.0) -> ContinuousLinearQuadraticSolution:
         if self.own_regulator and self.feedback is None:
-            self.gain = self.feedback = self._solve_regulator().feedback
+            self.gain = self.feedback = self._own_feedback()
         if method != "quasi-newton" or shift > 0.0:
             return self._solve(method, scale, shift)
         if self.quasi_newton is None:
@@ -279,6 +312,15 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
             raise ArgumentError(f"direction: the linearised system failed at {swept.failure}.")
         return swept.trajectory
 
+    def refined(self, direction: ContinuousDirection, *, holds: bool) -> ContinuousDirection:  # noqa: ARG002
+        return direction
+
+    def left_beside_rounding(self) -> float:
+        return np.inf
+
+    def where(self, direction: ContinuousDirection) -> str:  # noqa: ARG002
+        return ""
+
     def negative_curvature(self, scale: float) -> ContinuousDirection | None:
         model = self._model()
 
@@ -323,12 +365,25 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
             return solve_samples(mesh, samples, Q_final, q_final, accuracy=self.accuracy, jumps=self.jumps, **options)
 
     def _solve_regulator(self) -> ContinuousLinearQuadraticSolution:
-        """Return the LQR with identities as weights about the current curve."""
+        """Return the LQR about the current curve, with weights that were given or identities."""
         model = self._model()
+        if self.projection is not None:
+            return self._with_weights(model)
         samples = with_identities(model.samples)
         samples = samples._replace(q=np.zeros_like(samples.q), r=np.zeros_like(samples.r))
         nx = self.system.nx
         return self._minimum(samples, np.eye(nx), np.zeros(nx))
+
+    def _with_weights(self, model: TangentModel) -> ContinuousLinearQuadraticSolution:
+        samples, t, nx, nu = model.samples, model.mesh.t, self.system.nx, self.system.nu
+        cost = weights_as_cost(self.projection, self.system, self.trajectory.t0, self.trajectory.tf)
+        Q, R, _ = cost.hessian(np.zeros((len(t), nx)), np.zeros((len(t), nu)), t)
+        samples = with_identities(samples)._replace(Q=Q, R=R, q=np.zeros_like(samples.q), r=np.zeros_like(samples.r))
+        final = cost.final_hessian(np.zeros(nx), self.trajectory.tf)
+        solution = self._minimum(samples, final, np.zeros(nx))
+        if not solution.definite:
+            raise ArgumentError(f"projection: there is no regulator with these weights: {solution.message}")
+        return solution
 
     def _model(self) -> TangentModel:
         """Return linearisation and cost along the current curve."""
@@ -360,6 +415,12 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
 
     # ---- Steps ----------------------------------------------------------------------------------
 
+    def first_step(self, direction: ContinuousDirection, length: float) -> float:  # noqa: ARG002
+        return length
+
+    def promised(self, direction: ContinuousDirection, length: float) -> float:
+        return along_parabola(direction, length)
+
     def simulate(self, direction: ContinuousDirection, length: float, bound: float) -> Trial[DenseTrajectory] | Refusal:
         rollout = roll_out(
             self.system,
@@ -387,6 +448,9 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
 
     def keep_feedback(self, direction: ContinuousDirection) -> None:
         self.feedback = direction.feedback
+
+    def following(self, *, moved: bool) -> ContinuousProblem | None:  # noqa: ARG002
+        return None
 
     # ---- What is told ---------------------------------------------------------------------------
 

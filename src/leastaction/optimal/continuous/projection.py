@@ -17,6 +17,7 @@ from leastaction.numerics.piecewise import PiecewisePolynomial, approximate
 from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.integrate import integrate
+from leastaction.optimal.continuous.own_projection import feedback_of
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 
@@ -181,10 +182,7 @@ class ContinuousProjection:
         self.K = K
         self.accuracy = accuracy or Accuracy()
         self.jumps = tuple(sorted({*jumps, *system.jumps}))
-        feedforward = np.zeros((*K.coefficients.shape[:2], system.nu))
-        self._feedback = PiecewisePolynomial(
-            K.breaks, np.concatenate([K.coefficients, feedforward], axis=2), (system.nu * (system.nx + 1),)
-        )
+        self._feedback = feedback_of(K)
 
     def __call__(
         self, curve: DenseTrajectory, cost: ContinuousCost | None = None, *, x0: Array | None = None
@@ -207,6 +205,35 @@ class ContinuousProjection:
             raise ArgumentError(f"trajectory: the linearised system failed, {rollout.failure}.")
         return rollout.trajectory
 
+    def second_derivative(
+        self, trajectory: DenseTrajectory, one: DenseTrajectory, other: DenseTrajectory
+    ) -> DenseTrajectory:
+        """Return ``D2P . (one, other)`` at a trajectory: how `derivative` along one direction changes along another.
+
+        It solves ``ddx' = A ddx + B ddu + D2f (dx, du)_1 (dx, du)_2`` with ``ddu = -K ddx`` and ``ddx(t0) = 0``, whose
+        (dx, du) are the derivatives along the two.
+
+        Raises
+        ------
+        ArgumentError
+            Where the linearised system cannot be integrated.
+        NotImplementedError
+            If the system has no second derivatives.
+        """
+        along = self.derivative(trajectory, one), self.derivative(trajectory, other)
+        still = PiecewisePolynomial(
+            trajectory.xu.breaks, np.zeros_like(trajectory.xu.coefficients), (trajectory.nx + trajectory.nu,)
+        )
+        rollout = roll_out(
+            _Bent(self.system, trajectory, along),
+            Follower(DenseTrajectory(still, trajectory.nx), self._feedback, 0.0),
+            accuracy=self.accuracy,
+            jumps=self.jumps,
+        )
+        if rollout.trajectory is None:
+            raise ArgumentError(f"trajectory: the linearised system failed, {rollout.failure}.")
+        return rollout.trajectory
+
 
 class _Tangent(ContinuousSystem):
     """The linearisation of a system along a trajectory, as a system of its own."""
@@ -219,6 +246,28 @@ class _Tangent(ContinuousSystem):
     def f(self, x: Array, u: Array, t: float) -> Array:
         A, B = self.derivatives(x, u, t)
         return np.asarray(A @ x + B @ u)
+
+    def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:  # noqa: ARG002
+        along = self._trajectory.xu.flat(t)
+        return self._system.derivatives(along[: self.nx], along[self.nx :], t)
+
+
+class _Bent(ContinuousSystem):
+    """The linearisation of a system along a trajectory, driven by what its second derivatives make of two motions."""
+
+    def __init__(
+        self, system: ContinuousSystem, trajectory: DenseTrajectory, motions: tuple[DenseTrajectory, DenseTrajectory]
+    ) -> None:
+        self.nx, self.nu = system.nx, system.nu
+        self.jumps = system.jumps
+        self._system, self._trajectory, self._motions = system, trajectory, motions
+
+    def f(self, x: Array, u: Array, t: float) -> Array:
+        A, B = self.derivatives(x, u, t)
+        here, one, other = self._trajectory.xu.flat(t), *(motion.xu.flat(t) for motion in self._motions)
+        each = np.eye(self.nx)
+        bent = [one @ self._system.curvature(here[: self.nx], here[self.nx :], t, e) @ other for e in each]
+        return np.asarray(A @ x + B @ u + np.array(bent))
 
     def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:  # noqa: ARG002
         along = self._trajectory.xu.flat(t)

@@ -50,6 +50,52 @@ class ProjectionOperator:
             dx[k + 1] = A[k] @ dx[k] + B[k] @ du[k]
         return dx, du
 
+    def second_derivative(
+        self, linearization: Linearization, one: tuple[Array, Array], other: tuple[Array, Array]
+    ) -> tuple[Array, Array]:
+        """Return ``D2P . (one, other)`` at a trajectory: how `derivative` along one direction changes along another.
+
+        It solves ``ddx+ = A ddx + B ddu + D2f (dx, du)_1 (dx, du)_2`` with ``ddu = -K ddx`` and ``ddx_0 = 0``, whose
+        (dx, du) are the derivatives along the two.
+
+        Parameters
+        ----------
+        linearization : Linearization
+            Along the trajectory, with its second order.
+        one, other : pair of ndarray (N+1, nx), (N, nu)
+            Directions among curves.
+
+        Returns
+        -------
+        ddx, ddu : ndarray (N+1, nx), (N, nu)
+
+        Raises
+        ------
+        ArgumentError
+            For a system whose states are no plain vectors.
+        NotImplementedError
+            If there is no second order.
+        """
+        if self.system.charts() is not None:
+            raise ArgumentError(
+                f"second_derivative: got a {type(self.system).__name__} whose states are no plain vectors, expected "
+                "plain ones: of others it depends on charts"
+            )
+        A, B = linearization
+        N, n = A.shape[:2]
+        along = [self.derivative(linearization, *direction) for direction in (one, other)]
+        first, second = (np.hstack([dx[:-1], du]) for dx, du in along)
+        bent = np.empty((N, n))
+        for i in range(n):
+            weights = np.zeros((N, n))
+            weights[:, i] = 1.0
+            bent[:, i] = np.einsum("ki,kij,kj->k", first, linearization.curvature(weights), second)
+        ddx, ddu = np.zeros_like(one[0]), np.zeros_like(one[1])
+        for k in range(N):
+            ddu[k] = -self.K[k] @ ddx[k]
+            ddx[k + 1] = A[k] @ ddx[k] + B[k] @ ddu[k] + bent[k]
+        return ddx, ddu
+
 
 def linearize_along_curve(system: DiscreteSystem, x: Array, u: Array) -> Linearization:
     """Return A and B of every step from the states and inputs of a curve that is no trajectory.

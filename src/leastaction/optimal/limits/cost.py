@@ -61,6 +61,7 @@ class LimitedCost:
         self.others = together(self.rows, others, self.layout, nx, nu)
         weighed = [np.empty(0, dtype=np.intp), *(each.rows.weighs(nx, nu) for each in self.others)]
         self.columns = np.unique(np.concatenate(weighed))
+        self.looks_ahead = any(each.quantity.looks_ahead for each in self.rows)
 
     # ---- Values -----------------------------------------------------------------------------------
 

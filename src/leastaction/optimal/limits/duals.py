@@ -80,7 +80,6 @@ class Duals:
 
     def __init__(self, sides: Sequence[LimitSide], layout: SideLayout) -> None:
         self.sides, self.layout = tuple(sides), layout
-        self.begun = False
         self.mu = np.nan
         # One for each column of every side.
         self.scale, self.rho = layout.columns.empty(), layout.columns.empty()
@@ -101,7 +100,7 @@ class Duals:
         ``price``: of an excess of a limit's scale; of equations, and of limits at a single instant, times ``dearer``.
         ``depths``: of all columns, what an excess of it may be at most, which is large for it then.
         """
-        self.mu, self.begun, columns = mu, bool(self.sides), self.layout.columns
+        self.mu, columns = mu, self.layout.columns
         seen = np.minimum(self.layout.largest(np.abs(c.flat)), depths)
         seen = np.maximum(seen, 1e-6 * (1.0 + self._size))
         known = columns.filled([side.scale for side in self.sides]).flat

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import changed
-from leastaction.optimal.discrete.direction import DiscreteDirection
+from leastaction.optimal.iterates.direction import DiscreteDirection, ModelMinimum
 from leastaction.optimal.limits.barrier import Point, advanced, barrier_along, stiffness
 from leastaction.optimal.limits.duals import Duals, Room
 from leastaction.optimal.limits.sides import Sided
@@ -36,13 +36,9 @@ _ENOUGH, _ENOUGH_FAR = 0.1, 0.3  # gain of the last of them, in parts of all tha
 
 
 class SolvedWithin(NamedTuple):
-    """The minimum of a linear-quadratic problem: its value, where it is, its law, and the changes of limits there."""
+    """The minimum of a linear-quadratic problem, and the changes of limits there."""
 
-    least: float
-    dx: Array
-    du: Array
-    K: Array
-    C: Array
+    at: ModelMinimum
     change: Array
 
 
@@ -112,7 +108,7 @@ def refined(
         following = solve(direction, Sided(w, model.layout), Sided(sigma, model.layout))
         if following is None:
             break
-        found, there = following, following.change
+        found, there = following.at, following.change
         change = there - (at.c - model.begin.c)
         slope = float(w @ change) - float(sigma @ (there * change))
         rise = found.least + float(w @ there) - 0.5 * float(sigma @ there**2) - cost

@@ -8,6 +8,16 @@ problem (`stages`) and says how it ended (`ending`).
 from __future__ import annotations
 
 from leastaction.optimal.loop.loop import Callback, Loop
-from leastaction.optimal.loop.problem import Clock, Direction, ModelSolution, Problem
+from leastaction.optimal.loop.problem import (
+    Clock,
+    Direction,
+    ModelSolution,
+    OneStage,
+    Problem,
+    Stages,
+    along_parabola,
+)
 
-__all__ = ["Callback", "Clock", "Direction", "Loop", "ModelSolution", "Problem"]
+__all__ = [
+    "Callback", "Clock", "Direction", "Loop", "ModelSolution", "OneStage", "Problem", "Stages", "along_parabola",
+]  # fmt: skip

@@ -58,11 +58,11 @@ def message(problem: Problem[Any, Any, Any], outcome: Outcome) -> str:
     """Return how it ended in words; of an end that is no proper one, with the instant at which time is coarsest."""
     status, worst = outcome.status, problem.worst_step
     detail = outcome.detail and outcome.detail.removesuffix(".") + "."
-    parts = [status.value, detail, problem.unfinished]
+    parts = [status.value, detail, problem.stages.unfinished]
     if status in (Status.SADDLE, Status.NO_DIRECTION) and problem.undetermined:
         parts = [problem.undetermined]
     if status is not Status.INFEASIBLE:
-        parts.append(problem.unmet)
+        parts.append(problem.stages.unmet)
     if worst is not None and status in (*STUCK, Status.NO_DIRECTION):
         parts.append(f"Along the last iterate {worst}.")
         coarse = coarse_step(problem, outcome)
@@ -89,7 +89,7 @@ def _what_helps(worst: StepQuality) -> list[str]:
 
 def outlook(run: Run, direction: Direction) -> str:
     """Return what a run that is cut off was about to do, how fast it was, and what may help."""
-    if run.problem.unfinished:
+    if run.problem.stages.unfinished:
         return ""
     expected, goal = -direction.slope, run.goal
     where = run.problem.where(direction)

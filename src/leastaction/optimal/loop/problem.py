@@ -1,4 +1,4 @@
-"""What the loop knows of a problem: a system, a cost and the current iterate, in either kind of time."""
+"""What the loop knows of a problem, in either kind of time: its iterate, what is minimised, and its stages."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
-import numpy as np
-
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.step_quality import StepQuality
-from leastaction.optimal.line_search import Refusal, Trial, rounding_of
+from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.result import OptimizationResult, Status
 
 
@@ -89,126 +87,168 @@ D = TypeVar("D", bound=Direction)
 I = TypeVar("I")  # noqa: E741 - an iterate
 
 
+class Stages(ABC):
+    """The stages that a problem is solved in, one after the other: what is so in this one."""
+
+    @property
+    @abstractmethod
+    def patience(self) -> int:
+        """Steps in a row that lower the cost by no more than its noise, after which it is at its minimum."""
+
+    @property
+    @abstractmethod
+    def longest(self) -> int | None:
+        """Iterations after which the stage is over wherever it stands; None: not before its minimum."""
+
+    @property
+    @abstractmethod
+    def is_passing(self) -> bool:
+        """Whether it only leads to the next, so that its minimum need not be seen to be one."""
+
+    @property
+    @abstractmethod
+    def is_open(self) -> bool:
+        """Whether its iterates are curves with gaps."""
+
+    @property
+    @abstractmethod
+    def is_unmet(self) -> bool:
+        """Whether the minimum of the last stage violates limits."""
+
+    @property
+    @abstractmethod
+    def remark(self) -> str:
+        """What is to be said of it where it begins."""
+
+    @property
+    @abstractmethod
+    def unfinished(self) -> str:
+        """What is to be said of a run that ends in it, if it is not the last."""
+
+    @property
+    @abstractmethod
+    def unmet(self) -> str:
+        """Which limits the iterate violates, in words; empty where it violates none."""
+
+    @abstractmethod
+    def tolerated(self, goal: float) -> float:
+        """Return the expected decrease that is small enough in it, given what is so at the end."""
+
+    @abstractmethod
+    def relent(self) -> bool:
+        """Have a stage that led nowhere ask for less, or otherwise, and return whether there is such a thing."""
+
+    @abstractmethod
+    def verdict(self) -> tuple[Status, str] | None:
+        """Return another ending than that of the last stage's minimum, and its particulars."""
+
+
+class OneStage(Stages):
+    """No more than one stage, which ends at the minimum. ``patience``: as of `Stages`."""
+
+    patience = 1
+    longest = None
+    is_passing = is_open = is_unmet = False
+    remark = unfinished = unmet = ""
+
+    def __init__(self, patience: int) -> None:
+        self.patience = patience
+
+    def tolerated(self, goal: float) -> float:
+        return goal
+
+    def relent(self) -> bool:
+        return False
+
+    def verdict(self) -> tuple[Status, str] | None:
+        return None
+
+
 class Problem(ABC, Generic[M, D, I]):
     """A system, a cost and the current iterate: all that the loop knows of either kind of time.
 
     Everything computed along an iterate is kept until the next one is accepted.
     """
 
-    value: float
-    """Cost of the current iterate."""
-    rollouts: int = 0
-    """Roll-outs made so far, other than those of line searches."""
+    stages: Stages
+    """What is so in this stage."""
     has_curvature: bool
     """Whether Newton's method is available."""
     tells_saddles: bool = False
     """Whether Newton's undamped model can be trusted to tell a minimum from a saddle."""
-    note: str = ""
-    """What is to be said of where it starts."""
-    remark: str = ""
-    """What is to be said of the stage that it is in, where it begins."""
-    worst_step: StepQuality | None = None
-    """The coarsest step along the current iterate; None where that is not known."""
-    largest_shift: float = 1e9
-    """Of the weights of all deviations (Levenberg-Marquardt): a direction under more is not tried."""
-    roughness: float = 0.0
-    """What the cost was seen to be off by, beyond the rounding of its sum."""
-    begins_at_minimum: bool = False
-    """Whether it begins with what was found without the limits that it has now: there its model holds."""
     is_drowned: bool = False
     """Whether rounding has taken from the last model what tells of its minimum: weights are too far apart."""
-    sees_walls: bool = False
-    """Whether `first_step` sees what steps are shortened for: one taken as it came then says nothing of the next."""
+    begins_again: bool = False
+    """Whether there are ways to begin again, where a search is stuck."""
+    begins_at_minimum: bool = False
+    """Whether it begins with what was found without the limits that it has now: there its model holds."""
+    note: str = ""
+    """What is to be said of where it starts."""
+    largest_shift: float = 1e9
+    """Of the weights of all deviations (Levenberg-Marquardt): a direction under more is not tried."""
 
-    def __init__(self) -> None:
-        self.clock = Clock()
-
-    @property
-    def noise(self) -> float:
-        """What the cost may be off: steps are not refused for that much."""
-        return max(rounding_of(self.value), self.roughness)
-
-    @property
-    def magnitude(self) -> float:
-        """The cost that the tolerance is relative to."""
-        return self.value
+    # ---- Where it stands ------------------------------------------------------------------------
 
     @property
-    def gap(self) -> float:
-        """The largest gap between a step's end and the next state, in parts of the states' sizes; 0 of a trajectory."""
-        return 0.0
+    @abstractmethod
+    def clock(self) -> Clock:
+        """What adds up the seconds of the run."""
 
     @property
-    def unmet(self) -> str:
-        """Return which limits the iterate violates, in words; empty where it violates none."""
-        return ""
+    @abstractmethod
+    def rollouts(self) -> int:
+        """Roll-outs made so far, other than those of line searches."""
 
     @property
-    def undetermined(self) -> str:
-        """What is to be said of unknown numbers that nothing tells of, where a model has no minimum because of them."""
-        return ""
+    @abstractmethod
+    def value(self) -> float:
+        """What is minimised, at the current iterate."""
 
     @property
-    def unfinished(self) -> str:
-        """What is to be said of a run that ends before its last stage."""
-        return ""
-
-    @property
-    def patience(self) -> int:
-        """Steps in a row that lower the cost by no more than its noise, after which it is at its minimum."""
-        return 1
-
-    def tolerated(self, goal: float) -> float:
-        """Return the expected decrease that is small enough at this stage, given what is so at the end."""
-        return goal
-
-    def next_stage(self, *, moved: bool = True) -> bool:  # noqa: ARG002
-        """Go on from the minimum of one stage to the next, and return whether there is one.
-
-        ``moved``: whether the stage made a step.
-        """
-        return False
-
-    @property
-    def is_passing(self) -> bool:
-        """Whether this stage only leads to the next, so that its minimum need not be seen to be one."""
-        return False
-
-    @property
-    def longest_stage(self) -> int | None:
-        """Iterations after which a stage is over wherever it stands; None: not before its minimum."""
-        return None
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the iterate is a curve with gaps."""
-        return False
-
-    @property
-    def is_unmet(self) -> bool:
-        """Whether the minimum of the last stage violates limits."""
-        return False
-
-    def relent(self) -> bool:
-        """Have a stage that led nowhere ask for less, or otherwise, and return whether there is such a thing."""
-        return False
-
-    def verdict(self) -> tuple[Status, str] | None:
-        """Return another ending than that of the last stage's minimum, and its particulars."""
-        return None
-
-    @property
+    @abstractmethod
     def shown(self) -> float:
         """The cost of the current iterate as it is told: without what only guides the search."""
-        return self.value
+
+    @property
+    @abstractmethod
+    def magnitude(self) -> float:
+        """The cost that the tolerance is relative to."""
+
+    @property
+    @abstractmethod
+    def noise(self) -> float:
+        """What the value may be off: steps are not refused for that much."""
+
+    @property
+    @abstractmethod
+    def roughness(self) -> float:
+        """What the value was seen to be off by, beyond the rounding of its sum."""
 
     @abstractmethod
-    def start(self, initial: Any) -> None:
-        """Begin with a trajectory, a curve to be projected, or an initial state and inputs."""
+    def note_roughness(self, off: float) -> None:
+        """Remember what the value was seen to be off by."""
 
+    @property
     @abstractmethod
-    def resume(self, result: Any) -> None:
-        """Begin where an earlier run ended."""
+    def gap(self) -> float:
+        """The largest gap between a step's end and the next state, in parts of the states' sizes; 0 of a trajectory."""
+
+    @property
+    @abstractmethod
+    def worst_step(self) -> StepQuality | None:
+        """The coarsest step along the current iterate; None where that is not known."""
+
+    @property
+    @abstractmethod
+    def sees_walls(self) -> bool:
+        """Whether `first_step` sees what steps are shortened for: one taken as it came says nothing of the next."""
+
+    @property
+    @abstractmethod
+    def undetermined(self) -> str:
+        """What is to be said of unknown numbers that nothing tells of, where a model has no minimum because of them."""
+
+    # ---- Directions -----------------------------------------------------------------------------
 
     @abstractmethod
     def minimise_model(self, method: str, scale: float, shift: float = 0.0) -> M:
@@ -221,43 +261,45 @@ class Problem(ABC, Generic[M, D, I]):
     def direction(self, method: str, model: M, scale: float, shift: float = 0.0) -> D:
         """Return the direction of a model that has a minimum."""
 
-    def negative_curvature(self, scale: float) -> D | None:  # noqa: ARG002
-        """Return a direction of negative curvature, where the undamped Newton model has one.
-
-        The model with this part of the curvature has a minimum.
-        """
-        return None
-
-    def left_beside_rounding(self) -> float:
-        """Return a decrease no smaller than what is left, where rounding drowns models; infinity if nothing tells."""
-        return np.inf
-
-    def refined(self, direction: D, *, holds: bool) -> D:  # noqa: ARG002
+    @abstractmethod
+    def refined(self, direction: D, *, holds: bool) -> D:
         """Return what to follow in the place of a direction, by more of the same model.
 
         ``holds``: whether the last step lowered the cost by what its model had foretold.
         """
-        return direction
 
-    def first_step(self, direction: D, length: float) -> float:  # noqa: ARG002
+    @abstractmethod
+    def negative_curvature(self, scale: float) -> D | None:
+        """Return a direction of negative curvature, where the undamped Newton model has one.
+
+        The model with this part of the curvature has a minimum.
+        """
+
+    @abstractmethod
+    def left_beside_rounding(self) -> float:
+        """Return a decrease no smaller than what is left, where rounding drowns models; infinity if nothing tells."""
+
+    @abstractmethod
+    def where(self, direction: D) -> str:
+        """Return which input, and when, has most of the decrease that is expected of a direction; empty if unknown."""
+
+    # ---- Steps ----------------------------------------------------------------------------------
+
+    @abstractmethod
+    def first_step(self, direction: D, length: float) -> float:
         """Return how far to go along a direction at first, at most this far."""
-        return length
 
     @abstractmethod
     def simulate(self, direction: D, length: float, bound: float) -> Trial[I] | Refusal:
-        """Return the projection of a step along the direction, or why it is refused."""
+        """Return the iterate at a step along the direction, or why it is refused."""
 
+    @abstractmethod
     def promised(self, direction: D, length: float) -> float:
         """Return by how much the model of a direction lowers the cost over a step; NaN where that is not known."""
-        return -direction.slope * length * (1.0 - 0.5 * length)
 
     @abstractmethod
     def accept(self, direction: D, trial: Trial[I]) -> None:
         """Make a trial the current iterate."""
-
-    def where(self, direction: D) -> str:  # noqa: ARG002
-        """Return which input, and when, has most of the decrease that is expected of a direction; empty if unknown."""
-        return ""
 
     @abstractmethod
     def keep_feedback(self, direction: D) -> None:
@@ -267,6 +309,15 @@ class Problem(ABC, Generic[M, D, I]):
     def forget(self) -> None:
         """Drop all that was computed along the current iterate."""
 
+    # ---- From stage to stage, and to the end ----------------------------------------------------
+
+    @abstractmethod
+    def following(self, *, moved: bool) -> Problem[M, D, I] | None:
+        """Return the problem in its next stage, from the minimum of this one; None where there is none.
+
+        ``moved``: whether the stage made a step.
+        """
+
     @abstractmethod
     def arrays(self) -> tuple[Array, Array]:
         """Return states and inputs of the current iterate, for callbacks."""
@@ -274,3 +325,8 @@ class Problem(ABC, Generic[M, D, I]):
     @abstractmethod
     def result(self, summary: dict[str, Any]) -> OptimizationResult:
         """Return the result at the current iterate, given all that the loop knows of it."""
+
+
+def along_parabola(direction: Direction, length: float) -> float:
+    """Return by how much the quadratic model of a direction lowers what is minimised over a step."""
+    return -direction.slope * length * (1.0 - 0.5 * length)

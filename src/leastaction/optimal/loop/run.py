@@ -72,10 +72,10 @@ class Run:
         """Remember what an earlier run did."""
         self.taken, self.resolved, self.nearer = memory.taken, memory.resolved, memory.nearer
         self.still, self.remark = memory.still, memory.remark
-        self.problem.roughness = memory.roughness
+        self.problem.note_roughness(memory.roughness)
         if memory.tells_saddles is not None:
             self.problem.tells_saddles = memory.tells_saddles
-        self.stalled = self.still >= self.problem.patience
+        self.stalled = self.still >= self.problem.stages.patience
 
     def remembered(self, memory: Memory | None) -> Memory:
         """Return what resuming needs, given what it needs of the problem."""
@@ -103,7 +103,7 @@ class Run:
     @property
     def goal(self) -> float:
         """The expected decrease that is small enough at this stage."""
-        return self.problem.tolerated(self.asked)
+        return self.problem.stages.tolerated(self.asked)
 
     @property
     def trusts_its_start(self) -> bool:
@@ -133,14 +133,14 @@ class Run:
             (last.method == "newton" or (last.method == "quasi-newton" and last.holds))
             and last.length >= _FULL
             and _AFTER * last.expected <= self.goal
-            and self.problem.is_passing
+            and self.problem.stages.is_passing
         )
 
     def set_out(self, schedule: NewtonSchedule, why: str = "") -> None:
         """Begin a stage of the problem; the note of the next iteration says why."""
         self.still, self.stalled = 0, False
         self.schedule = changed(schedule, spent=0)
-        self.remark = "; ".join(part for part in (self.remark, why, self.problem.remark) if part)
+        self.remark = "; ".join(part for part in (self.remark, why, self.problem.stages.remark) if part)
 
     @property
     def began_again(self) -> bool:
@@ -178,7 +178,7 @@ class Run:
         """
         self.still = self.still + 1 if decrease <= self.problem.noise else 0
         # Whether that is at a minimum or at a saddle is looked at before the next step.
-        self.stalled = self.still >= self.problem.patience
+        self.stalled = self.still >= self.problem.stages.patience
         self.schedule = self.schedule.after_step(
             direction.method, direction.curvature_scale, step.length, agreement, -direction.slope, cost
         )

@@ -83,7 +83,7 @@ class Search:
         off = max(abs(cost - problem.value - h * direction.slope) for h, cost in trials)
         if not 2.0 * problem.noise < off <= _ROUGHEST * abs(problem.value):  # of what failed it is NaN
             return False
-        problem.roughness = off
+        problem.note_roughness(off)
         return True
 
     def _down(self, direction: Direction) -> SearchStep[Any]:

@@ -29,27 +29,27 @@ class StageSequence:
         Looked at before each iteration, so that one which is resumed does as well.
         """
         run = self.run
-        if run.schedule.spent >= (run.problem.longest_stage or np.inf) or run.foresees_end:
+        if run.schedule.spent >= (run.problem.stages.longest or np.inf) or run.foresees_end:
             self._next()
         else:
             self._begin(None)
 
     def go_on(self, outcome: Outcome) -> bool:
         """Return whether there is more to do where a stage ended so."""
-        problem = self.run.problem
+        stages = self.run.problem.stages
         stuck = outcome.status in STUCK
-        if (outcome.status in _ENDS or (stuck and problem.longest_stage is not None)) and self._next():
+        if (outcome.status in _ENDS or (stuck and stages.longest is not None)) and self._next():
             return True
-        if outcome.status in _ENDS and problem.is_unmet:
+        if outcome.status in _ENDS and stages.is_unmet:
             outcome = Outcome(Status.INFEASIBLE, expected=outcome.expected)
-        elif stuck and problem.relent():
+        elif stuck and stages.relent():
             self.run.set_out(NewtonSchedule(), "what led nowhere is made again, with other prices or without leeway")
             return True
         return self._begin(outcome)
 
     def verdict(self, outcome: Outcome) -> Outcome:
         """Return another outcome than that of the last stage's minimum, if the problem or a way has one."""
-        verdict = self.run.problem.verdict() if outcome.status in _ENDS else None
+        verdict = self.run.problem.stages.verdict() if outcome.status in _ENDS else None
         if verdict is not None:
             return Outcome(*verdict, expected=outcome.expected)
         for way in self.ways:
@@ -59,15 +59,19 @@ class StageSequence:
     def _begin(self, outcome: Outcome | None) -> bool:
         """Begin again by the first way that applies; whether there is one."""
         run = self.run
-        return run.is_automatic and any(way.applies(run, outcome) and way.begin(run, outcome) for way in self.ways)
+        if not (run.is_automatic and run.problem.begins_again):
+            return False
+        return any(way.applies(run, outcome) and way.begin(run, outcome) for way in self.ways)
 
     def _next(self) -> bool:
         """Go on to the problem's next stage, if it has one."""
         run = self.run
-        was_open = run.problem.is_open
-        if run.problem.next_stage(moved=run.schedule.spent > 0):
+        was_open = run.problem.stages.is_open
+        following = run.problem.following(moved=run.schedule.spent > 0)
+        if following is not None:
+            run.problem = following
             # How short steps among curves had to be says nothing of those among trajectories.
-            shift = 0.0 if was_open and not run.problem.is_open else run.schedule.shift
+            shift = 0.0 if was_open and not following.stages.is_open else run.schedule.shift
             run.set_out(changed(run.schedule, scale=1.0, expected=np.nan, full=False, shift=shift))
             return True
         if not was_open:

@@ -41,7 +41,7 @@ class ExtendedCost(Cost):
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
         own = self.cost.gradient(read_only(self.system.own(x)), u)
-        q, q_final = self._moved(own.q), self._moved(own.q_final)
+        q, q_final = self.moved(own.q), self.moved(own.q_final)
         q_final[self.changes] = self.price + self.weight * (x[-1, self.unknowns] - self.wanted)
         return CostGradient(q, own.r, q_final)
 
@@ -63,21 +63,21 @@ class ExtendedCost(Cost):
 
     def _extended(self, own: CostHessian, weight: Array) -> CostHessian:
         Q, R, S, Q_final = own
-        final = self._padded(Q_final)
+        final = self.padded(Q_final)
         diagonal = final if final.ndim == 1 else np.einsum("ii->i", final)
         diagonal[self.changes] = weight
         if S is not None:
-            S = np.ascontiguousarray(np.swapaxes(self._moved(np.swapaxes(S, -1, -2)), -1, -2))
-        return CostHessian(self._padded(Q), R, S, final)
+            S = np.ascontiguousarray(np.swapaxes(self.moved(np.swapaxes(S, -1, -2)), -1, -2))
+        return CostHessian(self.padded(Q), R, S, final)
 
-    def _moved(self, rows: Array) -> Array:
+    def moved(self, rows: Array) -> Array:
         """Return derivatives (..., nx) by the extended state of those (..., n) by the system's own."""
         n, end = self.n_own, self.changes.stop
         whole = np.empty((*rows.shape[:-1], self.nx))
         whole[..., :n], whole[..., n:end], whole[..., end:] = rows, 0.0, rows[..., self.system.kept]
         return whole
 
-    def _padded(self, weight: Array) -> Array:
+    def padded(self, weight: Array) -> Array:
         """Return a weight of any of the shapes of a `CostHessian` as one of the extended state."""
         if weight.ndim == 1 and len(self.system.copied):
             moves = self.system.moves
@@ -85,7 +85,7 @@ class ExtendedCost(Cost):
         if is_diagonal(weight):
             diagonal = weight if weight.ndim == 1 else weight[:, :, 0]
             if not len(self.system.copied):
-                whole = self._moved(diagonal)
+                whole = self.moved(diagonal)
                 return whole if weight.ndim == 1 else whole[:, :, None]
             weight = diagonal[..., None] * np.eye(self.n_own)
-        return np.ascontiguousarray(np.swapaxes(self._moved(np.swapaxes(self._moved(weight), -1, -2)), -1, -2))
+        return np.ascontiguousarray(np.swapaxes(self.moved(np.swapaxes(self.moved(weight), -1, -2)), -1, -2))

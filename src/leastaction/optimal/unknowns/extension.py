@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from types import MappingProxyType
@@ -12,12 +12,14 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, as_array, read_only
+from leastaction.optimal.cost import as_weight
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem, told_of
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.limits.limit import Bound, Limit
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.loop import Callback
+from leastaction.optimal.options import Options
 from leastaction.optimal.quantity import Entries, Quantity, Samples
 from leastaction.optimal.result import IterationRecord, OptimizationResult
 from leastaction.optimal.unknowns.cost import ExtendedCost
@@ -86,6 +88,23 @@ class Extension:
         for condition in self.conditions:
             found += [replace(row, is_asked=False) for row in self._condition(condition)]
         return found
+
+    def settings(self, given: Options) -> Options:
+        """Return options for the extended system: gains and weights of a projection act on the system's own states."""
+        projection = given.projection
+        if projection is None:
+            return given
+        if not isinstance(projection, Mapping):
+            shape = (self.own.N, self.own.nu, self.own.ndx)
+            projection = self.cost.moved(as_array(projection, "projection", shape, meaning="(N, nu, nx), gains"))
+            return given.changed(projection=projection)
+        N, n = self.own.N, self.own.ndx
+        weights = dict(projection)
+        for name in {"Q", "Q_final"}.intersection(weights):
+            stages = None if name == "Q_final" else N
+            weight = as_weight(weights[name], f"projection: {name}", n, stages=stages, definite=False)
+            weights[name] = self.cost.padded(weight)
+        return given.changed(projection=weights)
 
     def _condition(self, condition: Quantity) -> list[Rows]:
         """Return the row of what parameters have to keep to for there to be such a system, where no bound says more."""

@@ -105,7 +105,8 @@ class Parameter(Unknown):
 class FinalTime(Unknown):
     """The final time of the motion (s): all time steps grow or shrink with it.
 
-    See `Unknown` for what else it takes; ``FinalTime(price=1.0)`` asks for the shortest time. The cost of a stage does
+    See `Unknown` for what else it takes; ``FinalTime(0, 5)`` is any time up to 5 s, of a motion that begins at 0 s, and
+    ``FinalTime(price=1.0)`` asks for the shortest time. The cost of a stage does
     not grow with its step, and what a cost or a limit wants over time it wants at the same fractions of the motion.
     """
 
@@ -120,7 +121,7 @@ class FinalTime(Unknown):
         value = super().value_of(system)
         start = system.time(0)
         for what, given in (("min", self.min), ("max", self.max), ("guess", self.guess)):
-            if given is not None and not given > start:
+            if given is not None and not (given > start or (what == "min" and given == start)):
                 raise ArgumentError(
                     f"FinalTime: {what}: got {given:.6g} s, expected a time after the first, {start:.6g} s"
                 )

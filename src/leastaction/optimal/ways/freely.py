@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.loop.ending import Outcome
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.way import Way
+from leastaction.optimal.search.problem import DiscreteProblem
 
 # A run within limits has got nowhere where so many first steps were all shorter than that.
 _FEW, _VERY_SHORT = 6, 0.2
@@ -17,20 +17,21 @@ _SOON, _ROUGHLY = 30, 1e-3
 def _applies(run: Run, outcome: Outcome | None) -> bool:
     """Not where the minimum says little: with conditions, limits of the user's own, or a start that is a result."""
     problem, history = run.problem, run.history
-    if outcome is not None or run.began_again or not isinstance(problem, LimitedProblem):
+    assert isinstance(problem, DiscreteProblem)
+    parts, beginning = problem.parts, problem.beginning
+    if outcome is not None or run.began_again or parts.barrier is None:
         return False
     if history.iterations != _FEW or max(history.step_lengths) >= _VERY_SHORT:
         return False
-    own = any(rows.equal or rows.is_own for rows in problem.limited.rows)
-    given = problem.given
-    return not (problem.is_open or own or given is None or given.was_found or problem.final_time is not None)
+    own, given = any(rows.equal or rows.is_own for rows in parts.rows), beginning.begun.given
+    return not (parts.here.is_open or own or given is None or given.was_found or beginning.final_time is not None)
 
 
 def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
     problem = run.problem
-    assert isinstance(problem, LimitedProblem)
+    assert isinstance(problem, DiscreteProblem)
     found = problem.found_with([], _SOON, tolerance=_ROUGHLY)
-    if found is None or not found.success or not problem.stand_at(found.x, found.u):
+    if found is None or not found.success or not problem.beginning.begin_at(found.x, found.u):
         return False
     run.begin_again("freely", "began again, from the minimum without limits")
     return True

@@ -2,29 +2,52 @@
 
 from __future__ import annotations
 
-from leastaction.optimal.discrete.shooting import ShootingProblem
 from leastaction.optimal.loop.ending import STUCK, Outcome
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.way import Way
 from leastaction.optimal.schedule import NewtonSchedule
+from leastaction.optimal.search.problem import DiscreteProblem
+
+_LONG, _LONG_IF_LOST = 200, 100  # iterations after which a run is long; and where its start was lost when projected
+_BRIEF = 40  # iterations with gaps at the most where most of the first steps had to be cut short: there are other ways
 
 
 def _applies(run: Run, outcome: Outcome | None) -> bool:
     """Where the first steps had to be cut short, where a run is long, and where it is stuck and they are preferred."""
     problem = run.problem
-    if not isinstance(problem, ShootingProblem):
-        return False
+    assert isinstance(problem, DiscreteProblem)
     if outcome is not None:
-        return outcome.status in STUCK and problem.prefers_gaps
-    if run.has_just_begun and run.was_violent and problem.tells_violence:
+        return outcome.status in STUCK and _are_preferred(problem)
+    # Where barriers cut steps short it tells nothing.
+    if run.has_just_begun and run.was_violent and problem.parts.barrier is None:
         return True
-    return run.history.iterations == problem.long_run and not (run.began_again or run.creeps)
+    return run.history.iterations == _long_run(problem) and not (run.began_again or run.creeps)
+
+
+def _are_preferred(problem: DiscreteProblem) -> bool:
+    """Whether gaps are more promising than an easier stage: within limits, and where the projection lost the start."""
+    given = problem.beginning.begun.given
+    if problem.parts.barrier is not None:
+        return given is not None and problem.beginning.final_time is None
+    return given is not None and given.is_lost
+
+
+def _long_run(problem: DiscreteProblem) -> int | None:
+    """Return the iterations after which gaps may be the shorter way; None where they are none."""
+    given = problem.beginning.begun.given
+    if given is None or problem.parts.here.is_open or problem.parts.ease != 1.0:
+        return None
+    if given.is_lost:
+        return _LONG_IF_LOST
+    return _LONG if problem.parts.barrier is None else None
 
 
 def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
     problem = run.problem
-    assert isinstance(problem, ShootingProblem)
-    if not problem.begin_with_gaps(brief=run.was_violent):
+    assert isinstance(problem, DiscreteProblem)
+    given = problem.beginning.begun.given
+    brief = run.was_violent and problem.parts.barrier is None and given is not None and not given.is_lost
+    if not problem.beginning.begin_with_gaps(_BRIEF if brief else None):
         return False
     run.set_out(NewtonSchedule(), "began again, with gaps between the steps")
     return True

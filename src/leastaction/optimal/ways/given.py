@@ -9,15 +9,14 @@ that the gaps close without giving it up; then the same among motions that the s
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
-from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.loop.ending import STUCK, Outcome
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.way import Way
 from leastaction.optimal.memory import Start
 from leastaction.optimal.result import Status
+from leastaction.optimal.search.problem import DiscreteProblem
 from leastaction.optimal.ways.curves import line_to, needed_inputs
 from leastaction.optimal.ways.resolved import of_asked, resolved_rows
 
@@ -29,27 +28,28 @@ _DEARER = 20.0  # price of what is asked at a single instant, over that of other
 def _applies(run: Run, outcome: Outcome | None) -> bool:
     """Where a run ends without meeting its limits; once."""
     problem = run.problem
-    if outcome is None or not isinstance(problem, LimitedProblem) or run.resolved is not None:
+    assert isinstance(problem, DiscreteProblem)
+    if outcome is None or run.resolved is not None:
         return False
-    if _NAME in run.taken or problem.curve is None or problem.settings.shooting == "single":
+    if _NAME in run.taken or problem.beginning.begun.curve is None or problem.settings.shooting == "single":
         return False
-    return outcome.status in (*STUCK, Status.INFEASIBLE, Status.NO_DIRECTION) and problem.is_unmet
+    return outcome.status in (*STUCK, Status.INFEASIBLE, Status.NO_DIRECTION) and problem.stages.is_unmet
 
 
 def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
     problem = run.problem
-    assert isinstance(problem, LimitedProblem)
+    assert isinstance(problem, DiscreteProblem)
     for attempt, start in _attempts(problem):
         found = problem.found_by(attempt, (start.x, start.u))
-        if found is not None and not (attempt.is_open or attempt.is_unmet):
-            problem.go_on_from(found.x, found.u, of_asked(problem, found.limits))
+        if found is not None and not (attempt.parts.here.is_open or attempt.stages.is_unmet):
+            problem.beginning.go_on_from(found.x, found.u, of_asked(problem, found.limits))
             run.begin_again(_NAME, "began again, from the given curve as it is")
             return True
     run.taken = (*run.taken, _NAME)
     return False
 
 
-def _attempts(problem: LimitedProblem) -> Iterator[tuple[LimitedProblem, Start]]:
+def _attempts(problem: DiscreteProblem) -> Iterator[tuple[DiscreteProblem, Start]]:
     """Yield problems to be tried, and from where: the one that was asked, and that among resolved motions."""
     starts = list(_starts(problem))
     for start in starts:
@@ -59,13 +59,13 @@ def _attempts(problem: LimitedProblem) -> Iterator[tuple[LimitedProblem, Start]]
         yield _with_gaps(problem, resolved), starts[0]
 
 
-def _starts(problem: LimitedProblem) -> Iterator[Start]:
+def _starts(problem: DiscreteProblem) -> Iterator[Start]:
     """Yield the given curve, with the inputs that it needs and those that were given, and the straight line."""
-    given, system = problem.curve, problem.system
+    given, system = problem.beginning.begun.curve, problem.parts.system
     assert given is not None
-    wanted = problem.cost.wanted_states
+    wanted = problem.parts.asked.wanted_states
     first = given.x if given.x.ndim == 1 else given.x[0]
-    line = line_to(first, None if wanted is None else wanted[-1], problem.limited.rows, system.N)
+    line = line_to(first, None if wanted is None else wanted[-1], problem.parts.rows, system.N)
     x = line if given.x.ndim == 1 else given.x
     yield Start(x, needed_inputs(system, x, given.u))
     yield Start(x, given.u)
@@ -73,14 +73,13 @@ def _starts(problem: LimitedProblem) -> Iterator[Start]:
         yield Start(line, needed_inputs(system, line, given.u))
 
 
-def _with_gaps(problem: LimitedProblem, more: list[Rows]) -> LimitedProblem:
+def _with_gaps(problem: DiscreteProblem, more: list[Rows]) -> DiscreteProblem:
     """Return a problem that begins with gaps, with more limits and higher prices of what is asked at one instant."""
-    rows, settings = [*problem.limited.rows, *more], replace(problem.settings, max_iterations=_MOST)
-    other = LimitedProblem(
-        problem.system, problem.cost, rows, settings, problem.free_start, "at once", problem.final_time
-    )
-    other.stages.dearer = _DEARER
-    return other
+    parts, settings = problem.parts, problem.settings.changed(max_iterations=_MOST)
+    return DiscreteProblem(
+        parts.system, parts.asked, settings, [*parts.rows, *more], parts.free_start, "at once",
+        final_time=problem.beginning.final_time, dearer=_DEARER,
+    )  # fmt: skip
 
 
 GIVEN = Way(_NAME, _applies, _begin)

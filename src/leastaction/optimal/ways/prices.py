@@ -6,43 +6,75 @@ what is gained elsewhere. Where higher prices come to nothing either, the end th
 
 from __future__ import annotations
 
-from leastaction.optimal.limits.problem import LimitedProblem
+import numpy as np
+
+from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.loop.ending import STUCK, Outcome
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.way import Way
-from leastaction.optimal.memory import Nearer
+from leastaction.optimal.memory import Nearer, Place
 from leastaction.optimal.result import Status
+from leastaction.optimal.search.problem import DiscreteProblem
 
 _NAME = "prices"
+_DEARER_AGAIN = 10.0  # price of what is asked at one instant and was not met, over what it had been
 
 
 def _applies(run: Run, outcome: Outcome | None) -> bool:
     problem = run.problem
-    if outcome is None or not isinstance(problem, LimitedProblem) or not problem.is_unmet:
+    assert isinstance(problem, DiscreteProblem)
+    if outcome is None or not problem.stages.is_unmet:
         return False
     if outcome.status is Status.INFEASIBLE and run.nearer is not None:
         return True
-    if _NAME in run.taken or problem.given is None:
+    if _NAME in run.taken or problem.beginning.begun.given is None:
         return False
-    if problem.final_time is not None:
+    if problem.beginning.final_time is not None:
         return outcome.status in (*STUCK, Status.INFEASIBLE)
-    return outcome.status is Status.INFEASIBLE and problem.misses_an_instant()
+    return outcome.status is Status.INFEASIBLE and _misses_an_instant(problem)
+
+
+def _misses_an_instant(problem: DiscreteProblem) -> bool:
+    """Whether what is asked at a single instant, or an equation, is not met."""
+    limits = problem.parts.limits
+    assert limits is not None
+    sides = zip(limits.duals.sides, limits.asked(), limits.duals.scale, strict=True)
+    return any((side.equal or len(c) == 1) and bool((-c > limits.stages.met * scale).any()) for side, c, scale in sides)
 
 
 def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
     problem = run.problem
-    assert isinstance(problem, LimitedProblem)
+    assert isinstance(problem, DiscreteProblem)
     if run.nearer is not None:
         nearer, run.nearer = run.nearer, None
-        if not problem.go_to_the_nearer(nearer.place, nearer.limits):
+        if not _go_to_the_nearer(problem, nearer.place, nearer.limits):
             return False
         run.begin_again(_NAME, "higher prices led to nothing that is nearer: back to where it stood")
         return True
-    nearer = Nearer(problem.place(), problem.report())
-    if not problem.begin_dearer():
+    given, problem.beginning.begun.given = problem.beginning.begun.given, None
+    limits = problem.parts.limits
+    if given is None or limits is None:
         return False
+    nearer = Nearer(problem.parts.place(), problem.parts.report())
+    problem.beginning.begin_anew(given)
+    limits.stages.make_dearer(_DEARER_AGAIN)
+    problem.beginning.put_limits_in()
     run.nearer = nearer
     run.begin_again(_NAME, "began again, with higher prices of what is asked at a single instant")
+    return True
+
+
+def _go_to_the_nearer(problem: DiscreteProblem, place: Place, report: LimitReport) -> bool:
+    """Go back to an earlier end with its duals, if that was nearer to what is asked for; whether it was."""
+    limits = problem.parts.limits
+    assert limits is not None
+    asked, scales = limits.limited.asked(place.x, place.u).flat, limits.duals.scales
+    off, now = (float((np.maximum(-c, 0.0) / scales).sum()) for c in (asked, limits.asked().flat))
+    if off >= now:
+        return False
+    problem.parts.go_back(place)
+    limits.stages.take(report, resumed=True)
+    problem.parts.set_out()
     return True
 
 

@@ -14,22 +14,19 @@ import numpy as np
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.discrete.easing import EasedProblem
-from leastaction.optimal.discrete.shooting import Gapped
+from leastaction.optimal.iterates.curve import Gapped
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.limit import Bound
-from leastaction.optimal.limits.problem import LimitedProblem
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.loop.ending import STUCK, Outcome, coarse_step
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.way import Way
 from leastaction.optimal.memory import Memory, Resolved
 from leastaction.optimal.result import OptimizationResult, Status
+from leastaction.optimal.search.problem import DiscreteProblem
 
 _ENOUGH = 0.35  # angle (rad) that a step may turn by where steps of time are short enough for a motion
 _NAMED = 3  # instants that are named in a message
-
-Asked = EasedProblem | LimitedProblem
 
 
 def _applies(run: Run, outcome: Outcome | None) -> bool:
@@ -39,9 +36,10 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
     if run.resolved is not None:
         return outcome.status not in (Status.ITERATION_LIMIT, Status.STOPPED_BY_CALLBACK, Status.INTERRUPTED)
     problem = run.problem
-    if "resolved" in run.taken or outcome.status not in STUCK or not isinstance(problem, Asked):
+    assert isinstance(problem, DiscreteProblem)
+    if "resolved" in run.taken or outcome.status not in STUCK:
         return False
-    return not problem.is_open and (outcome.barred or coarse_step(problem, outcome) is not None)
+    return not problem.parts.here.is_open and (outcome.barred or coarse_step(problem, outcome) is not None)
 
 
 def _begin(run: Run, outcome: Outcome | None) -> bool:
@@ -52,22 +50,23 @@ def _begin(run: Run, outcome: Outcome | None) -> bool:
 def _set_out(run: Run, outcome: Outcome) -> bool:
     """Begin again within the limit; whether that can be done."""
     asked = run.problem
-    assert isinstance(asked, Asked)
+    assert isinstance(asked, DiscreteProblem)
     run.taken = (*run.taken, "resolved")
     within = within_resolved(asked)
     if within is None:
         return False
     # From the first trajectory, which has not come to coarse steps yet; from where it stands if that cannot be.
-    starts = [(asked.x, asked.u)] if asked.first is None else [(asked.first.x, asked.first.u), (asked.x, asked.u)]
+    first, here = asked.beginning.begun.first, (asked.parts.x, asked.parts.u)
+    starts = [here] if first is None else [(first.x, first.u), here]
     if not any(_can_start(within, start) for start in starts):
         return False
     steps = [step.angle for step in (asked.worst_step, outcome.refused) if step is not None]
-    run.resolved, run.problem, run.asked_problem = Resolved(asked.place(), max(steps, default=0.0)), within, asked
+    run.resolved, run.problem, run.asked_problem = Resolved(asked.parts.place(), max(steps, default=0.0)), within, asked
     run.begin_again("", "began again, among motions that the steps of time resolve")
     return True
 
 
-def _can_start(within: LimitedProblem, start: tuple[Array, Array]) -> bool:
+def _can_start(within: DiscreteProblem, start: tuple[Array, Array]) -> bool:
     try:
         within.start(start)
     except LeastActionError:
@@ -78,33 +77,33 @@ def _can_start(within: LimitedProblem, start: tuple[Array, Array]) -> bool:
 def _drop(run: Run, outcome: Outcome) -> bool:
     """Go on without the limit, where it holds nothing back; or back to where the run was stuck, if that is cheaper."""
     within, asked, state = run.problem, run.asked_problem, run.resolved
-    assert isinstance(within, LimitedProblem)
-    assert isinstance(asked, Asked)
+    assert isinstance(within, DiscreteProblem)
+    assert isinstance(asked, DiscreteProblem)
     assert state is not None
-    report = within.report()
+    report = within.parts.report()
     if outcome.status in (Status.CONVERGED, Status.STALLED):
         if _active(report).size:
             return False
-        asked.go_on_from(within.x, within.u, of_asked(asked, report))
+        asked.beginning.go_on_from(within.parts.x, within.parts.u, of_asked(asked, report))
         why = "the steps of time resolve the motion: it goes on without that limit"
     else:
         before = state.before
-        if outcome.status is not Status.INFEASIBLE and within.shown <= asked.asked.value(before.x, before.u):
+        if outcome.status is not Status.INFEASIBLE and within.shown <= asked.parts.asked.value(before.x, before.u):
             return False
-        asked.go_on_from(before.x, before.u, None)
+        asked.beginning.go_on_from(before.x, before.u, None)
         why = "what the steps of time resolve led nowhere: back to where it stood"
-    asked.rollouts = within.rollouts
+    asked.parts.work.count_on(within.parts.work)
     run.resolved, run.problem = None, asked
     run.begin_again("", why)
     return True
 
 
-def of_asked(asked: Asked, report: LimitReport | None) -> LimitReport | None:
+def of_asked(asked: DiscreteProblem, report: LimitReport | None) -> LimitReport | None:
     """Return what is told of the limits that were asked for: they come first."""
-    if report is None or not isinstance(asked, LimitedProblem):
+    if report is None or asked.parts.barrier is None:
         return None
     # Both sides of an equation are one there.
-    count = sum(not (rows.equal and rows.sign < 0.0) for rows in asked.limited.rows)
+    count = sum(not (rows.equal and rows.sign < 0.0) for rows in asked.parts.rows)
     return LimitReport(report.sides[:count], report.mu, report.excess)
 
 
@@ -114,35 +113,37 @@ def _active(report: LimitReport) -> np.ndarray[Any, np.dtype[np.int64]]:
     return np.flatnonzero(active)
 
 
-def resolved_rows(asked: Asked) -> list[Rows] | None:
+def resolved_rows(asked: DiscreteProblem) -> list[Rows] | None:
     """Return what the steps of time of a problem resolve, as limits; None where nothing is known."""
-    resolved = asked.system.resolved_rates()
+    resolved = asked.parts.system.resolved_rates()
     if resolved is None:
         return None
     names, rates = resolved
-    return Bound(names, -rates, rates, of="rate").rows(asked.system, 0 if asked.free_start is not False else 1)
+    first = 0 if asked.parts.free_start is not False else 1
+    return Bound(names, -rates, rates, of="rate").rows(asked.parts.system, first)
 
 
-def within_resolved(asked: Asked) -> LimitedProblem | None:
+def within_resolved(asked: DiscreteProblem) -> DiscreteProblem | None:
     """Return a problem with what its steps of time resolve as a limit beside its own; None where nothing is known."""
     more = resolved_rows(asked)
     if more is None:
         return None
-    rows = [*(asked.limited.rows if isinstance(asked, LimitedProblem) else []), *more]
+    rows = [*asked.parts.rows, *more]
     # A start that no roll-out can follow opens with gaps, where gaps are allowed.
-    gapped: Gapped = "never" if asked.gapped == "never" else "where needed"
-    within = LimitedProblem(asked.system, asked.asked, rows, asked.settings, asked.free_start, gapped)
-    within.clock, within.rollouts = asked.clock, asked.rollouts
+    gapped: Gapped = "never" if asked.beginning.gapped == "never" else "where needed"
+    parts = asked.parts
+    within = DiscreteProblem(parts.system, parts.asked, asked.settings, rows, parts.free_start, gapped)
+    within.parts.work.count_on(parts.work)
     return within
 
 
 def resumed(run: Run, result: OptimizationResult, memory: Memory) -> None:
     """Have a run stand where an earlier one ended within the limit."""
     asked = run.problem
-    assert isinstance(asked, Asked)
+    assert isinstance(asked, DiscreteProblem)
     within = within_resolved(asked)
     assert within is not None
-    asked.recall(memory)
+    asked.beginning.recall(memory)
     within.resume(result)
     run.problem, run.asked_problem = within, asked
     run.recall(memory)
@@ -153,17 +154,17 @@ def _judge(run: Run, outcome: Outcome) -> Outcome:
     within, state = run.problem, run.resolved
     if state is None or outcome.status not in (Status.CONVERGED, Status.STALLED):
         return outcome
-    assert isinstance(within, LimitedProblem)
-    at = _active(within.report())
+    assert isinstance(within, DiscreteProblem)
+    at = _active(within.parts.report())
     if not at.size:
         return outcome
-    system = within.system
+    system = within.parts.system
     where = ", ".join(system.when(int(k)) for k in at[:_NAMED])
     more = f" and {at.size - _NAMED} more" if at.size > _NAMED else ""
     names = [
         name
-        for j, name in enumerate(within.limited.rows[-1].quantity.names)
-        if any(side.active[:, j].any() for side in within.report().sides[-2:])
+        for j, name in enumerate(within.parts.rows[-1].quantity.names)
+        if any(side.active[:, j].any() for side in within.parts.report().sides[-2:])
     ]
     shorter = max(2, int(np.ceil(state.angle / _ENOUGH)))
     detail = (

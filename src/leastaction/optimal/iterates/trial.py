@@ -9,8 +9,8 @@ import numpy as np
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.step_quality import StepQuality, coarsest
 from leastaction.optimal.discrete.cost import Cost
-from leastaction.optimal.discrete.direction import Iterate
 from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.iterates.direction import Iterate
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.space import apart, sizes_of
 

@@ -3,22 +3,40 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.step_quality import StepQuality
+from leastaction.optimal.iterates.gap_filter import OpenCurve
 from leastaction.optimal.loop import Direction
 from leastaction.optimal.space import StateSpace, moved_by
 
 
 class Iterate(NamedTuple):
-    """States (N+1, nx) and inputs (N, nu) of a trajectory, and its coarsest step."""
+    """States (N+1, nx) and inputs (N, nu) of a trajectory, or of a curve, and the coarsest step.
+
+    ``cost``: without what only guides the search; NaN where it is not known. ``room``: what limits leave along it, if
+    there are some and it is known. ``curve``: with gaps; None of a trajectory.
+    """
 
     x: Array
     u: Array
     worst_step: StepQuality | None = None
+    cost: float = np.nan
+    room: Any = None
+    curve: OpenCurve | None = None
+
+
+class ModelMinimum(NamedTuple):
+    """The minimum of a linear-quadratic problem: its value, the motion to it, and its law."""
+
+    least: float
+    dx: Array
+    du: Array
+    K: Array
+    C: Array
 
 
 class AmongCurves(NamedTuple):

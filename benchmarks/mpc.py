@@ -1,0 +1,186 @@
+"""Predictive control: how long a call takes, beside CasADi's fatrop from the same states.
+
+``python -m benchmarks.mpc [--calls N]``. Times are of this thread's processor, so that what else runs on the machine
+counts little; the unit is that of the other benchmarks.
+"""
+
+from __future__ import annotations
+
+import os
+
+for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[_name] = "1"
+
+import argparse  # noqa: E402
+import time  # noqa: E402
+from collections.abc import Callable  # noqa: E402
+from dataclasses import dataclass  # noqa: E402
+from typing import Any  # noqa: E402
+
+import numpy as np  # noqa: E402
+
+from benchmarks import unit  # noqa: E402
+from benchmarks.cases import DT, package_marionette  # noqa: E402
+from leastaction.control import MPC, tracking  # noqa: E402
+from leastaction.mechanics import Damping, Gravity, JointForce, Mechanism, MidpointVI, rx, ry, rz, tz  # noqa: E402
+from leastaction.models.cart_pendulum import cart_pendulum  # noqa: E402
+from leastaction.numerics.arrays import Array  # noqa: E402
+from leastaction.optimal import Bound, QuadraticCost  # noqa: E402
+from leastaction.systems import MidpointSystem  # noqa: E402
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is controlled, from where, what chance adds to the state at each step, and the goal by the unit (s)."""
+
+    name: str
+    mpc: MPC
+    x: Array
+    chance: Array
+    goal: float
+
+
+def cart() -> Task:
+    """Return a cart-pole of 50 steps that balances, with a bounded push and a short track."""
+    system = MidpointSystem(MidpointVI(cart_pendulum(), threads=1), 0.02 * np.arange(51))
+    cost = tracking(system, {"x": 1.0, "theta": 10.0, "p_*": 0.1}, {"theta": np.pi}, effort=1e-2)
+    mpc = MPC(system, cost, [Bound("x-force", -40.0, 40.0), Bound("x", -1.0, 1.0)])
+    return Task("cart-pole, 50 steps", mpc, np.array([0.0, np.pi, 0.0, 0.0]), np.array([0.0, 0.0, 0.2, 0.05]), 1e-3)
+
+
+def arm() -> Task:
+    """Return an arm of seven joints of 30 steps that follows a wave, with torques and speeds limited."""
+    tree: Any = []
+    for i in reversed(range(7)):
+        joint = (rz, ry, rz, ry, rz, ry, rx)[i]
+        link = tz(0.25, name=f"link{i}", mass=4.0 - 0.5 * i, inertia=(0.05, 0.05, 0.02))
+        tree = [joint(f"j{i}"), [link, tree] if tree else [link]]
+    motors = [JointForce(f"j{i}", input=f"m{i}") for i in range(7)]
+    m = Mechanism(tree, [Gravity(), Damping(0.5), *motors])
+    system = MidpointSystem(MidpointVI(m, threads=1), 0.02 * np.arange(31))
+
+    def ahead(t: float) -> QuadraticCost:
+        at = t + system.t
+        wanted = np.zeros((31, 14))
+        wanted[:, :7] = 0.4 * np.sin(2.0 * at[:, None] + np.arange(7))
+        return QuadraticCost(wanted, np.zeros((30, 7)), Q=[100.0] * 7 + [0.01] * 7, R=[1e-3] * 7)
+
+    most = np.array([80.0, 80.0, 50.0, 50.0, 20.0, 20.0, 10.0])
+    limits = [Bound(f"m{i}", -most[i], most[i]) for i in range(7)]
+    speeds = Bound([f"j{i}" for i in range(7)], -2.0, 2.0, of="rate")
+    x = np.concatenate([0.4 * np.sin(np.arange(7.0)), np.zeros(7)])
+    return Task("arm of 7, 30 steps", MPC(system, ahead, [*limits, speeds]), x, np.repeat([0.0, 5e-3], 7), 2e-3)
+
+
+def marionette() -> Task:
+    """Return the package's marionette of 20 steps that is to hold its pose, with strings that pull."""
+    case = package_marionette()
+    system = MidpointSystem(MidpointVI(case.mechanism, threads=1), DT * np.arange(21), multipliers=True)
+    m = system.mechanism
+    x = np.concatenate([case.x0, np.zeros(m.nc)])
+    weights = np.repeat([100.0, 0.01, 0.01, 0.01, 0.0], [m.nd, m.nrho, m.nd, m.nrho, m.nc])
+    held = np.concatenate([np.zeros(m.n_inputs), x[m.nd : m.nq]])
+    cost = QuadraticCost(np.tile(x, (21, 1)), np.tile(held, (20, 1)), Q=weights, R=np.full(system.nu, 1.0))
+    mpc = MPC(system, cost, [Bound("*", min=0.0, of="tension")])
+    chance = np.zeros(system.nx)
+    chance[m.nq : m.nq + m.nd] = 1e-5
+    return Task("marionette, 20 steps", mpc, x, chance, 10e-3)
+
+
+def measure(task: Task, calls: int) -> tuple[Array, float, int, int]:
+    """Return the seconds of all calls but the first, the largest violation, fallbacks, and most iterations."""
+    rng, x, system = np.random.default_rng(0), task.x, task.mpc.system
+    seconds, violation, fallbacks, most = [], 0.0, 0, 0
+    for k in range(calls + 1):
+        begun = time.thread_time()
+        u = task.mpc(x, k * task.mpc.dt)
+        if k:
+            seconds.append(time.thread_time() - begun)
+            violation = max(violation, task.mpc.info.violation)
+            fallbacks += not task.mpc.info.planned
+            most = max(most, task.mpc.info.interior_iterations)
+        x = system.f(x, u, 0) + task.chance * rng.standard_normal(system.nx)
+    return np.array(seconds), violation, fallbacks, most
+
+
+def fatrop_on_the_cart(calls: int) -> Array:
+    """Return the seconds of fatrop's calls, warm started, on a cart-pole with the same bounds (Runge and Kutta's)."""
+    import casadi as ca
+
+    x, u = ca.MX.sym("x", 4), ca.MX.sym("u")
+    s, c = ca.sin(x[1]), ca.cos(x[1])
+    M = ca.vertcat(ca.horzcat(11.0, c), ca.horzcat(c, 1.0))
+    a = ca.solve(M, ca.vertcat(u + s * x[3] ** 2 - 0.01 * x[2], -9.8 * s - 0.01 * x[3]))
+    rate = ca.Function("rate", [x, u], [ca.vertcat(x[2:], a)])
+    h, k1 = 0.02, rate(x, u)
+    k2 = rate(x + h / 2 * k1, u)
+    k3 = rate(x + h / 2 * k2, u)
+    step = ca.Function("step", [x, u], [x + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(x + h * k3, u))])
+    opti, xs, us = ca.Opti(), [], []
+    begin = opti.parameter(4)
+    for k in range(51):
+        xs.append(opti.variable(4))
+        if k < 50:
+            us.append(opti.variable(1))
+    for k in range(50):
+        opti.subject_to(xs[k + 1] == step(xs[k], us[k]))
+        if k == 0:
+            opti.subject_to(xs[0] == begin)
+        opti.subject_to(opti.bounded(-40.0, us[k], 40.0))
+        if k:
+            opti.subject_to(opti.bounded(-1.0, xs[k][0], 1.0))
+    opti.subject_to(opti.bounded(-1.0, xs[50][0], 1.0))
+    weights = ca.DM([1.0, 10.0, 0.1, 0.1])
+    off = [each - ca.DM([0.0, np.pi, 0.0, 0.0]) for each in xs]
+    opti.minimize(0.5 * sum(ca.dot(weights * d, d) for d in off) + 0.5e-2 * sum(each**2 for each in us))
+    opti.solver(
+        "fatrop", {"structure_detection": "auto", "print_time": False, "fatrop": {"print_level": 0, "tol": 1e-4}}
+    )
+    at, rng, seconds = np.array([0.0, np.pi, 0.0, 0.0]), np.random.default_rng(0), []
+    for each in xs:
+        opti.set_initial(each, at)
+    for k in range(calls + 1):
+        opti.set_value(begin, at)
+        begun = time.thread_time()
+        found = opti.solve()
+        if k:
+            seconds.append(time.thread_time() - begun)
+        plan = [np.asarray(found.value(each)).ravel() for each in xs]
+        pushes = [float(found.value(each)) for each in us]
+        for each, value in zip(xs, [*plan[1:], plan[-1]], strict=True):
+            opti.set_initial(each, value)
+        for each, value in zip(us, [*pushes[1:], pushes[-1]], strict=True):
+            opti.set_initial(each, value)
+        at = np.asarray(step(at, pushes[0])).ravel() + rng.standard_normal(4) * [0.0, 0.0, 0.02, 0.05]
+    return np.array(seconds)
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--calls", type=int, default=1000)
+    calls = parser.parse_args().calls
+    found = unit.measure(0.5)
+    share = 1.0 if isinstance(found, str) else found.best / unit.AT_DESIGN
+    shown = found if isinstance(found, str) else f"{1e6 * found.best:.1f} us"
+    print(f"the unit: {shown}; times in ms by it, {calls} calls")
+    tasks: list[Callable[[], Task]] = [cart, arm, marionette]
+    for make in tasks:
+        task = make()
+        seconds, violation, fallbacks, most = measure(task, calls)
+        median, high, worst = (1e3 * float(np.quantile(seconds, q)) / share for q in (0.5, 0.99, 1.0))
+        print(
+            f"{task.name:22s} median {median:6.2f}  99 % {high:6.2f}  worst {worst:6.2f}  goal {1e3 * task.goal:4.1f}  "
+            f"violation {violation:.1e}, {fallbacks} fallbacks, at most {most} iterations"
+        )
+    try:
+        seconds = fatrop_on_the_cart(min(calls, 300))
+    except ImportError:
+        print("CasADi is not installed")
+        return
+    median, high, worst = (1e3 * float(np.quantile(seconds, q)) / share for q in (0.5, 0.99, 1.0))
+    print(f"{'fatrop on the cart-pole':22s} median {median:6.2f}  99 % {high:6.2f}  worst {worst:6.2f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,263 @@
+"""Estimation over a moving horizon: the states that explain the last readings best, within limits.
+
+Over the last n steps, with ``x_{k+1} = f(x_k, u_k) + G w_k`` and readings ``y_k = h(x_k) + v_k``::
+
+    minimise  1/2 |x_0 - xbar|^2_{P^-1} + 1/2 sum |w_k|^2 + 1/2 sum |y_k - h(x_k)|^2_{V^-1}  within limits
+
+by the optimiser, with a free start and the disturbances as its inputs. What came before the horizon is in ``xbar`` and
+P, which a Kalman filter carries along. Of a linear system without limits the last state is the Kalman filter's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.control.kalman import KalmanFilter
+from leastaction.control.readings import Measured, Readings, Spread
+from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import Array, as_array, as_count, read_only
+from leastaction.optimal.discrete.cost import Cost, CostGradient
+from leastaction.optimal.discrete.hessians import CostHessian
+from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.limits.limit import Limit, checked_limits
+from leastaction.optimal.optimization import optimize
+from leastaction.optimal.options import Options
+from leastaction.optimal.quantity import Entries, Quantity
+from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.system import Linearization
+
+_OPTIONS = Options(tolerance=1e-8, max_iterations=50)
+
+
+class MovingHorizonEstimator:
+    """An estimator by the optimiser: as a `KalmanFilter`, but within limits. Not for several threads.
+
+    Parameters
+    ----------
+    system, measure, noise, process, x, spread
+        As of `KalmanFilter`.
+    horizon : int, optional
+        Steps back that are looked at.
+    limits : sequence of Limit, optional
+        On quantities of the state, such as ``Bound("height", min=0.0)``: what is known of every state.
+
+    Attributes
+    ----------
+    x : ndarray (nx,)
+        The estimate now.
+    result : OptimizationResult or None
+        The last optimisation: the states of the horizon, with the disturbances as inputs.
+
+    Raises
+    ------
+    ArgumentError
+        Wrong shapes, unknown names, or what is no covariance.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from leastaction import Bound, JointForce, Mechanism, MidpointSystem, MidpointVI, tx
+    >>> from leastaction.control import MovingHorizonEstimator
+    >>> slide = Mechanism([tx("x", mass=1.0)], [JointForce("x", input="push")])
+    >>> system = MidpointSystem(MidpointVI(slide), np.linspace(0.0, 1.0, 21))
+    >>> estimator = MovingHorizonEstimator(
+    ...     system, measure=["x"], noise=0.1, process={"p_x": 0.1}, x=[0.5, 0.0], limits=[Bound("x", min=0.0)]
+    ... )
+    >>> for y in (0.1, -0.2, -0.3):
+    ...     x = estimator.correct([y])
+    ...     x = estimator.predict([0.0])
+    >>> bool(estimator.result.x[:, 0].min() > -1e-6)
+    True
+    """
+
+    def __init__(
+        self,
+        system: DiscreteSystem,
+        *,
+        measure: Measured,
+        noise: Spread,
+        process: Spread,
+        x: ArrayLike,
+        spread: Spread = 1.0,
+        horizon: int = 20,
+        limits: Sequence[Limit] = (),
+    ) -> None:
+        self.before = KalmanFilter(system, measure=measure, noise=noise, process=process, x=x, spread=spread)
+        self.system, self.readings = system, self.before.readings
+        self.horizon, self.limits = as_count(horizon, "horizon", 1), checked_limits(limits)
+        if self.horizon > system.N:
+            raise ArgumentError(f"horizon: got {horizon}, expected at most the {system.N} steps of the system")
+        values, vectors = np.linalg.eigh(self.before.W)
+        some = values > 0.0
+        if not some.any():
+            raise ArgumentError("process: got no disturbance at all, expected one of some entry of the state")
+        self._G = vectors[:, some] * np.sqrt(values[some])
+        self._inverse_V: Array = np.asarray(np.linalg.inv(self.before.V), dtype=np.float64)
+        self.x, self.k = self.before.x.copy(), 0
+        self.innovation, self.surprise = np.zeros(self.readings.ny), np.nan
+        self.result: OptimizationResult | None = None
+        self._x, self._u, self._w = [self.x], list[Array](), list[Array]()
+        self._y: list[Array | None] = [None]
+
+    def predict(self, u: ArrayLike) -> Array:
+        """Go on over one step under inputs u (nu,); return the estimate (nx,) at its end.
+
+        Raises
+        ------
+        ArgumentError
+            A wrong shape.
+        StepError
+            The system has no such step from the estimate.
+        """
+        given = as_array(u, "u", (self.system.nu,), names=self.system.input_names).copy()
+        self.x = np.array(self.system.f(self.x, given, 0))
+        self._x.append(self.x)
+        self._u.append(given)
+        self._w.append(np.zeros(self._G.shape[1]))
+        self._y.append(None)
+        self.k += 1
+        if len(self._u) > self.horizon:
+            first = self._y.pop(0)
+            if first is not None:
+                self.before.correct(first)
+            self.before.predict(self._u.pop(0))
+            self._x.pop(0)
+            self._w.pop(0)
+        return self.x
+
+    def correct(self, y: ArrayLike) -> Array:
+        """Make use of readings y (ny,) of the state now, return the estimate (nx,).
+
+        Raises
+        ------
+        ArgumentError
+            A wrong shape, or readings that are not finite.
+        """
+        given = as_array(y, "y", (self.readings.ny,), names=self.readings.names).copy()
+        self.innovation = given - self.readings(self.x, 0)
+        self._y[-1] = given
+        n = len(self._u)
+        if n == 0:
+            self.x = self._first(given)
+            self._x[-1] = self.x
+            return self.x
+        disturbed = _DisturbedSystem(self.system.window(0, n), np.array(self._u), self._G)
+        inverse_P: Array = np.asarray(np.linalg.pinv(self.before.P, rcond=1e-12, hermitian=True), dtype=np.float64)
+        cost = _ReadingCost(self.readings, list(self._y), self._inverse_V, self.before.x, inverse_P)
+        self.result = optimize(
+            disturbed, cost, initial=(np.array(self._x), np.array(self._w)), limits=self.limits, free_start=True,
+            options=_OPTIONS,
+        )  # fmt: skip
+        self._x, self._w = list(self.result.x), list(self.result.u)
+        self.x = np.array(self.result.x[-1])
+        return self.x
+
+    def _first(self, y: Array) -> Array:
+        """Return the estimate by a single reading, which is the Kalman filter's."""
+        C, P = self.readings.jacobian(self.before.x, 0), self.before.P
+        gain = np.linalg.solve(C @ P @ C.T + self.before.V, C @ P).T
+        return np.asarray(self.system.moved_start(self.before.x, gain @ (y - self.readings(self.before.x, 0))))
+
+
+class _DisturbedSystem(DiscreteSystem):
+    """``x+ = f(x, u_k, k) + G w`` with given inputs u: the disturbances w are what is found."""
+
+    has_curvature = False
+
+    def __init__(self, system: DiscreteSystem, u: Array, G: Array) -> None:
+        self.system, self.given, self.G = system, read_only(u), G
+        self.nx, self.nu, self.N = system.nx, G.shape[1], system.N
+
+    def f(self, x: Array, u: Array, k: int) -> Array:
+        return np.asarray(self.system.f(x, self.given[k], k) + self.G @ u)
+
+    def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:  # noqa: ARG002
+        return self.system.derivatives(x, self.given[k], k)[0], self.G
+
+    def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
+        """Return the derivatives: those of the system, and G."""
+        if type(self.system).linearize is DiscreteSystem.linearize:
+            return super().linearize(x, u, out)
+        A, _ = self.system.linearize(x, self.given)
+        return Linearization(A, np.ascontiguousarray(np.broadcast_to(self.G, (self.N, *self.G.shape))))
+
+    def difference(self, x: Array, xbar: Array) -> Array:
+        return self.system.difference(x, xbar)
+
+    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
+        return self.system.start_directions(x, free)
+
+    def moved_start(self, x: Array, dx: Array) -> Array:
+        return self.system.moved_start(x, dx)
+
+    def when(self, k: int) -> str:
+        return self.system.when(k)
+
+    def time(self, k: int) -> float:
+        return self.system.time(k)
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        return tuple(kind for kind in self.system.quantities if kind != "input" and self.system.quantity(kind).of_state)
+
+    def quantity(self, kind: str) -> Quantity:
+        if kind == "input":
+            return Entries([f"w[{i}]" for i in range(self.nu)], range(self.nu), of_state=False)
+        return self.system.quantity(kind)
+
+
+class _ReadingCost(Cost):
+    """What readings, disturbances, and the start are off by; see the module."""
+
+    nonnegative = True
+
+    def __init__(
+        self, readings: Readings, y: Sequence[Array | None], inverse_V: Array, x: Array, inverse_P: Array
+    ) -> None:
+        self.readings, self.y, self.inverse_V = readings, y, inverse_V
+        self.first, self.inverse_P = x, inverse_P
+
+    def stage_values(self, x: Array, u: Array, start: int) -> Array:
+        return np.array(
+            [self._of_state(x[i], start + i) + 0.5 * float(u[i] @ u[i]) for i in range(len(u))], dtype=np.float64
+        )
+
+    def final_value(self, x: Array) -> float:
+        return self._of_state(x, len(self.y) - 1)
+
+    def gradient(self, x: Array, u: Array) -> CostGradient:
+        slopes = np.array([self._slope(x[k], k) for k in range(len(x))])
+        return CostGradient(slopes[:-1], np.array(u), slopes[-1])
+
+    def hessian(self, x: Array, u: Array) -> CostHessian:
+        """Return Gauss and Newton's second derivatives."""
+        bends = np.array([self._bend(x[k], k) for k in range(len(x))])
+        return CostHessian(bends[:-1], np.ones(u.shape[1]), None, bends[-1])
+
+    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+        """Return all of it, which is convex; see `Cost`."""
+        return self.hessian(x, u)
+
+    def _off(self, x: Array, k: int) -> Array:
+        y = self.y[k]
+        return np.zeros(self.readings.ny) if y is None else self.readings(x, k) - y
+
+    def _of_state(self, x: Array, k: int) -> float:
+        e = self._off(x, k)
+        total = float(e @ self.inverse_V @ e)
+        if k == 0:
+            away = x - self.first
+            total += float(away @ self.inverse_P @ away)
+        return 0.5 * total
+
+    def _slope(self, x: Array, k: int) -> Array:
+        out = self.readings.jacobian(x, k).T @ (self.inverse_V @ self._off(x, k))
+        return out + self.inverse_P @ (x - self.first) if k == 0 else out
+
+    def _bend(self, x: Array, k: int) -> Array:
+        C = self.readings.jacobian(x, k) * float(self.y[k] is not None)
+        out = C.T @ self.inverse_V @ C
+        return out + self.inverse_P if k == 0 else out

@@ -1,0 +1,183 @@
+"""What a search minimises, along the iterate: the cost alone, or with the barriers of limits."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Protocol
+
+from leastaction.numerics.arrays import Array
+from leastaction.optimal.discrete.cost import Cost, CostGradient
+from leastaction.optimal.discrete.hessians import ModelHessian, between, same
+from leastaction.optimal.iterates.direction import DiscreteDirection, Iterate, ModelMinimum
+from leastaction.optimal.iterates.here import Here
+from leastaction.optimal.line_search import Refusal, Trial
+from leastaction.optimal.loop import along_parabola
+from leastaction.optimal.system import Linearization
+
+
+class AlongIterate(Protocol):
+    """What a merit is told of the models along the iterate."""
+
+    def linearize(self) -> Linearization:
+        """Return the derivatives of the dynamics."""
+
+    def motion(self, direction: DiscreteDirection) -> tuple[Array, Array]:
+        """Return the changes of states and inputs along a direction."""
+
+    def solved_with(
+        self, direction: DiscreteDirection, gradient: CostGradient, hessian: ModelHessian
+    ) -> ModelMinimum | None:
+        """Return the minimum of a direction's model with another gradient and other weights; None if it has none."""
+
+
+class Merit(ABC):
+    """What is minimised, with its derivatives along the iterate, which are kept until that moves.
+
+    ``cost``: that of trajectories, of which a trial is given up early. ``sees_walls``: whether `first_step` sees what
+    steps are shortened for: one taken as it came then says nothing of the next.
+    """
+
+    cost: Cost
+    sees_walls: bool
+
+    @abstractmethod
+    def forget(self) -> None:
+        """Drop all that was computed along the iterate."""
+
+    @abstractmethod
+    def forget_stage(self) -> None:
+        """Drop what is no more so in another stage, along the same iterate."""
+
+    @abstractmethod
+    def plain_value(self) -> float:
+        """Return the cost alone."""
+
+    @abstractmethod
+    def guide(self, x: Array, u: Array) -> float:
+        """Return what is added to the cost along some curve, only to guide the search."""
+
+    @abstractmethod
+    def gradient(self) -> CostGradient:
+        """Return the first derivatives."""
+
+    @abstractmethod
+    def lagrangian_gradient(self) -> CostGradient:
+        """Return those of the Lagrangian, whose adjoint are the multipliers of the dynamics."""
+
+    @abstractmethod
+    def hessian(self, share: float, along: AlongIterate) -> ModelHessian:
+        """Return the second derivatives, without the dynamics' part.
+
+        Of what bends downwards only a share is in it, as of the curvature of the dynamics.
+        """
+
+    @abstractmethod
+    def followed(self, direction: DiscreteDirection, along: AlongIterate) -> DiscreteDirection:
+        """Return a direction with what it changes of the limits."""
+
+    @abstractmethod
+    def refined(self, direction: DiscreteDirection, along: AlongIterate, *, holds: bool) -> DiscreteDirection:
+        """Return what to follow in the place of a direction, by more of the same model.
+
+        ``holds``: whether the last step lowered the cost by what its model had foretold.
+        """
+
+    @abstractmethod
+    def first_step(self, direction: DiscreteDirection, length: float) -> float:
+        """Return how far to go along a direction at first, at most this far."""
+
+    @abstractmethod
+    def promised(self, direction: DiscreteDirection, length: float) -> float:
+        """Return by how much the model of a direction lowers what is minimised; NaN where that is not known."""
+
+    @abstractmethod
+    def bound(self, bound: float) -> float:
+        """Return the bound of the cost alone, given that of what is minimised."""
+
+    @abstractmethod
+    def judged(
+        self, trial: Trial[Iterate], bound: float, explain: Callable[[Array, Refusal], Refusal]
+    ) -> Trial[Iterate] | Refusal:
+        """Return the trial of a trajectory with all that is minimised, or why it is refused.
+
+        ``explain``: as of `try_projection`.
+        """
+
+    @abstractmethod
+    def move(self, direction: DiscreteDirection, to: Iterate, along: AlongIterate) -> None:
+        """Go along a direction: drop what was computed along the iterate before."""
+
+
+class CostMerit(Merit):
+    """The cost alone: that of a stage."""
+
+    sees_walls = False
+
+    def __init__(self, cost: Cost, here: Here) -> None:
+        self.cost, self.here = cost, here
+        self._gradient: CostGradient | None = None
+        self._exact: ModelHessian | None = None
+        self._convex: ModelHessian | None = None
+
+    def forget(self) -> None:
+        self._gradient = self._exact = self._convex = None
+
+    def forget_stage(self) -> None:
+        self.forget()
+
+    def plain_value(self) -> float:
+        curve = self.here.curve
+        return self.here.value if curve is None else curve.shown
+
+    def guide(self, x: Array, u: Array) -> float:  # noqa: ARG002 - there is nothing
+        return 0.0
+
+    def gradient(self) -> CostGradient:
+        if self._gradient is None:
+            self._gradient = self.cost.gradient(self.here.x, self.here.u)
+        return self._gradient
+
+    def lagrangian_gradient(self) -> CostGradient:
+        return self.gradient()
+
+    def hessian(self, share: float, along: AlongIterate) -> ModelHessian:  # noqa: ARG002
+        if self._exact is None:
+            self._exact = self.cost.model_hessian(self.here.x, self.here.u, convex=False)
+        if share == 1.0:
+            return self._exact
+        if self._convex is None:
+            found = self.cost.model_hessian(self.here.x, self.here.u, convex=True)
+            self._convex = self._exact if same(found, self._exact) else found
+        return between(self._convex, self._exact, share)
+
+    def followed(self, direction: DiscreteDirection, along: AlongIterate) -> DiscreteDirection:  # noqa: ARG002
+        return direction
+
+    def refined(self, direction: DiscreteDirection, along: AlongIterate, *, holds: bool) -> DiscreteDirection:  # noqa: ARG002
+        return direction
+
+    def first_step(self, direction: DiscreteDirection, length: float) -> float:  # noqa: ARG002
+        return length
+
+    def promised(self, direction: DiscreteDirection, length: float) -> float:
+        return along_parabola(direction, length)
+
+    def bound(self, bound: float) -> float:
+        return bound
+
+    def judged(
+        self,
+        trial: Trial[Iterate],
+        bound: float,  # noqa: ARG002 - it was held to it
+        explain: Callable[[Array, Refusal], Refusal],  # noqa: ARG002
+    ) -> Trial[Iterate] | Refusal:
+        return trial
+
+    def move(self, direction: DiscreteDirection, to: Iterate, along: AlongIterate) -> None:  # noqa: ARG002
+        self.forget()
+
+    def replaced(self, cost: Cost) -> None:
+        """Have another cost from now on."""
+        self.cost = cost
+        self.forget()

@@ -1,0 +1,305 @@
+"""Where a search in steps of time begins, and begins again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
+from leastaction.numerics.arrays import Array, as_array, read_only
+from leastaction.optimal.discrete.system import given_start
+from leastaction.optimal.initial import pair_of
+from leastaction.optimal.iterates.curve import CurveSteps, Gapped
+from leastaction.optimal.limit_report import LimitReport
+from leastaction.optimal.limits.leeway import may_be_obstacle, stands_still
+from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.limits.start import depths
+from leastaction.optimal.line_search import Refusal
+from leastaction.optimal.memory import Memory, Place, Start
+from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.search.parts import SearchParts
+
+_LOST = 10.0  # factor in cost by which a projection has lost a curve
+_AHEAD = 5  # iterations without obstacles, after which it is seen whether they stand in the way
+_LONGEST_INSTEAD = 100  # iterations with gaps that take the place of a search that was stuck
+
+
+@dataclass
+class Begun:
+    """What a search began with, and where it may begin again.
+
+    ``given``: the start, until gaps were tried from there. ``curve``: what was
+    given to begin with, where there are limits. ``wanted``: what gaps are tried from once more. ``first``:
+    the trajectory that it began with. ``earlier``: where it stood before there were gaps.
+    """
+
+    given: Start | None = None
+    curve: Start | None = None
+    wanted: Start | None = None
+    first: Start | None = None
+    earlier: Place | None = None
+
+
+class Beginning:
+    """How a search begins: with a trajectory, a curve with gaps, an earlier result; and from where it begins again.
+
+    ``found_with``: returns what some iterations with other limits lead to from the iterate, as of `DiscreteProblem`.
+    ``gapped``, ``final_time``: as of it. ``note``: what is to be said of where it starts.
+    """
+
+    def __init__(
+        self,
+        parts: SearchParts,
+        gapped: Gapped,
+        final_time: int | None,
+        found_with: Callable[[list[Rows], int], OptimizationResult | None],
+    ) -> None:
+        self.parts, self.gapped, self.final_time, self.found_with = parts, gapped, final_time, found_with
+        self.begun = Begun()
+        self.note = ""
+
+    def renew(self) -> None:
+        """Be as if nothing had begun."""
+        self.begun = Begun()
+        self.note = ""
+
+    def start(self, initial: Any) -> None:
+        """Begin with a trajectory, a curve to be projected, an initial state and inputs, or an earlier result."""
+        found = initial if isinstance(initial, OptimizationResult) else None
+        if found is not None:
+            initial = found.x, found.u
+        self._set_out_from(initial)
+        if self.parts.barrier is not None:
+            for rows, values in zip(self.parts.rows, self.parts.barrier.limits(), strict=True):
+                rows.check_values(values, self.parts.system.when)
+            self.put_limits_in(found)
+        begun = self.begun
+        if self.parts.curve is None:
+            begun.first = Start(self.parts.x, self.parts.u)
+        if self.parts.barrier is None:
+            return
+        x, u = pair_of(initial)
+        begun.curve = Start(read_only(np.array(x, dtype=np.float64)), read_only(np.array(u, dtype=np.float64)))
+        if self.final_time is not None:
+            begun.given = begun.curve
+        if begun.given is not None:
+            begun.given = replace(begun.given, was_found=found is not None)
+            begun.wanted = self._wanted_from(begun.given)
+
+    def _wanted_from(self, start: Start) -> Start | None:
+        """Return the wanted motion, from the state that a start holds; None of another start, or if it is not known."""
+        wanted = self.parts.asked.wanted_states
+        if wanted is None or start.x.ndim > 1 or self.final_time is not None:
+            return None
+        return Start(read_only(np.concatenate([start.x[None], wanted[1:]])), start.u)
+
+    def _set_out_from(self, initial: Any) -> None:
+        """Stand at a start without limits: a curve or its projection, whichever is asked for and can be."""
+        if self.gapped == "never":
+            self.parts.stand_at(initial)
+            return
+        x, u = given_start(self.parts.system, initial)
+        begun = self.begun
+        begun.given = Start(x, u)
+        failure: ProjectionError | None = None
+        if self.gapped == "where needed":
+            try:
+                self.parts.stand_at((x, u))
+                lost = x.ndim == 2 and self.parts.here.value > _LOST * self.parts.plain.cost.value(x, u)
+                begun.given = replace(begun.given, is_lost=lost)
+                return
+            except ProjectionError as error:
+                failure = error
+            self.parts.models.forget()
+        refusal = self.parts.open(begun.given)
+        if refusal is not None:
+            if failure is not None:
+                raise failure
+            self.note = f"projected at once, as {refusal.reason}"
+            self.parts.stand_at((x, u))
+        elif failure is not None:
+            self.note = f"begins with gaps between its steps, as a projection is not possible ({failure})"
+
+    def resume(self, result: OptimizationResult) -> None:
+        """Begin where an earlier run ended."""
+        memory, here = result.memory, self.parts.here
+        if memory is not None:
+            self.recall(memory)
+        if self.gapped != "never" and memory is not None and memory.gaps is not None:
+            gaps = memory.gaps
+            self.parts.steps = curve = CurveSteps(self.parts.models, gaps.size, gaps.longest)
+            found = curve.evaluate(gaps.x, gaps.u)
+            if isinstance(found, Refusal):
+                raise ArgumentError(f"resume: {found.reason}; expected the result of a run with this system")
+            curve.recall(gaps, found)
+            self.parts.tells_saddles = False
+        else:
+            system = self.parts.system
+            N, nx, nu = system.N, system.nx, system.nu
+            if result.gap > 0.0:
+                raise ArgumentError(
+                    f"resume: got a result with open gaps (of {result.gap:.2g}), expected a trajectory: give "
+                    "shooting='multiple', or initial=(result.x, result.u), which is projected"
+                )
+            x = as_array(result.x, "resume.x", (N + 1, nx), meaning="(N+1, nx)")
+            u = as_array(result.u, "resume.u", (N, nu), meaning="(N, nu)")
+            here.move(x, u, result.worst_step)
+            shape = (N, nu, system.ndx)
+            here.gain = as_array(result.projection_gain, "resume.projection_gain", shape, meaning="(N, nu, ndx)")
+            here.value = self.parts.plain.cost.value(here.x, here.u)
+        if self.parts.barrier is not None:
+            self.put_limits_in(result, resumed=True)
+
+    def recall(self, memory: Memory) -> None:
+        """Remember what an earlier run did of its way."""
+        self.begun = Begun(memory.start, memory.curve, memory.wanted, memory.first, memory.earlier)
+        self.parts.set_ease(memory.ease)
+
+    # ---- Limits ---------------------------------------------------------------------------------
+
+    def put_limits_in(self, found: OptimizationResult | None = None, *, resumed: bool = False) -> None:
+        """Put the limits in at the trajectory, or the curve, to start from; without any there are none.
+
+        ``found``: an earlier result, whose duals are known. ``resumed``: whether this is where it ended.
+        """
+        barrier = self.parts.barrier
+        if barrier is None:
+            return
+        if not resumed:
+            ahead = self._ahead()
+            barrier.forget_leeway()
+            barrier.duals.leeway.lend(self.parts.rows, [(self.parts.x, self.parts.u), *ahead])
+        # Costs are those of the plain merit still: of a trajectory the value itself.
+        shown = self.parts.plain.plain_value()
+        barrier.stages.begin(
+            shown,
+            barrier.limits(),
+            lambda: self.parts.asked.value(np.zeros_like(self.parts.x), np.zeros_like(self.parts.u)),
+            depths(self.parts.rows, barrier.asked(), self.parts.x, self.parts.u),
+        )
+        for rows in self.parts.rows:
+            rows.check(self.parts.x, self.parts.u)
+            rows.check_start(self.parts.x[0])
+        self.parts.models.merit = barrier
+        if found is not None:
+            barrier.stages.take(found.limits, resumed=resumed, changed=abs(shown - found.cost))
+        barrier.forget_leeway()
+        self.parts.set_out()
+
+    def _ahead(self) -> list[tuple[Array, Array]]:
+        """Return where a few iterations without obstacles lead from a start that does not say how to pass them."""
+        obstacles = [rows for rows in self.parts.rows if may_be_obstacle(rows, self.parts.x, self.parts.u)]
+        if self.parts.here.is_open or not any(stands_still(rows, self.parts.x, self.parts.u) for rows in obstacles):
+            return []
+        found = self.found_with([rows for rows in self.parts.rows if rows not in obstacles], _AHEAD)
+        return [] if found is None else [(found.x, found.u)]
+
+    # ---- Elsewhere ------------------------------------------------------------------------------
+
+    def go_to(self, place: Place) -> None:
+        """Stand at a place again, and put the limits in there."""
+        self.parts.put_out()
+        self.parts.go_back(place)
+        self.put_limits_in()
+
+    def begin_at(self, x: Array, u: Array) -> bool:
+        """Begin again at the projection of a curve; whether there is one."""
+        now = self.parts.place()
+        self.parts.put_out()
+        try:
+            self.parts.stand_at((x, u))
+        except LeastActionError:
+            self.go_to(now)
+            return False
+        self.put_limits_in()
+        return True
+
+    def begin_anew(self, start: Start) -> None:
+        """Begin again from a start, without limits as yet."""
+        self.parts.put_out()
+        self._set_out_from((start.x, start.u))
+
+    def go_on_from(self, x: Array, u: Array, report: LimitReport | None) -> None:
+        """Begin the last stage at a trajectory; ``report``: of the limits there, where their duals are known."""
+        self.parts.set_ease(1.0)
+        self.parts.put_out()
+        self.parts.stand_at((x, u))
+        self.put_limits_in()
+        if report is not None and self.parts.barrier is not None:
+            self.parts.barrier.stages.take(report, resumed=False)
+            self.parts.set_out()
+
+    # ---- Gaps -----------------------------------------------------------------------------------
+
+    def begin_with_gaps(self, longest: int | None = None) -> bool:
+        """Begin again with gaps from the given start, once, and return whether that can be done.
+
+        ``longest``: iterations that they have to close in.
+        """
+        begun, given, here = self.begun, self.begun.given, self.parts.here
+        if self.parts.ease != 1.0 or self.final_time is not None:
+            return False
+        if here.is_open or given is None:
+            if self.parts.barrier is not None:
+                self._try_wanted()
+            return False
+        now, value = self.parts.place(), self.parts.here.value
+        try:
+            refused = self.parts.open(given, still=self.parts.barrier is not None) is not None
+        except BaseException as error:  # an interruption too leaves it where it stood
+            self.parts.steps = self.parts.trajectory_steps
+            here.move(now.x, now.u, now.worst_step)
+            here.gain, here.value = now.gain, value
+            if not isinstance(error, LeastActionError):
+                raise
+            refused = True
+        if refused:
+            self._try_wanted()
+            return False
+        begun.earlier = now
+        self.parts.models.forget()
+        curve = self.parts.curve
+        assert curve is not None
+        curve.longest = longest or _LONGEST_INSTEAD
+        self.put_limits_in()
+        return True
+
+    def _try_wanted(self) -> None:
+        """Have gaps tried from the wanted motion next, where an initial state alone was given; once."""
+        self.begun.given, self.begun.wanted = self.begun.wanted, None
+
+    def leave_gaps(self) -> bool:
+        """Go on over trajectories, where the gaps are closed or cannot be; whether it is where they led.
+
+        If not, it is back where it stood before: only closed gaps are worth leaving a place that costs less.
+        """
+        curve, begun = self.parts.curve, self.begun
+        assert curve is not None
+        closed, x, u = curve.are_closed, self.parts.x, self.parts.u
+        self.parts.models.costates = None
+        try:
+            self.parts.forget_gaps()
+            self.parts.stand_along(x, u)
+        except LeastActionError:
+            closed = False
+            if begun.earlier is not None:
+                self.parts.here.value = np.inf
+            elif begun.given is not None:
+                self.parts.stand_at((begun.given.x, begun.given.u))
+            else:
+                raise
+        self.parts.models.forget()
+        earlier, begun.earlier, begun.given = begun.earlier, None, None
+        here, minimised = self.parts.here, self.parts.minimised
+        cheaper = earlier is None or minimised(here.x, here.u, here.value) < minimised(earlier.x, earlier.u)
+        back = not (closed or cheaper)
+        if back:
+            assert earlier is not None
+            self.go_to(earlier)
+        if not closed:
+            self._try_wanted()
+        self.parts.set_out()
+        return not back

@@ -1,0 +1,104 @@
+"""A price on how far frames are turned from wanted orientations, beside any other cost."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError, closest
+from leastaction.numerics.arrays import Array, as_array, read_only
+from leastaction.optimal.discrete.cost import Cost
+from leastaction.systems.costs.configurations import CostOfConfigurations
+from leastaction.systems.midpoint import MidpointSystem
+from leastaction.systems.orientations import MissingTurn, Orientation, quaternions_of
+
+
+class OrientationCost(CostOfConfigurations):
+    """Another cost and half the weighted squares of the rotations by which frames miss wanted orientations.
+
+    Of the vector ``e = log(R_wanted' R)`` (rad) in the frame's axes: up to half a turn it is smooth, with exact second
+    derivatives. As fit for several threads as the other cost.
+
+    Parameters
+    ----------
+    cost : Cost
+        Such as a `QuadraticCost`.
+    system : MidpointSystem
+        Whose frames are meant.
+    orientations : mapping of str to array_like (3, 3) or (N+1, 3, 3), or callable
+        Rotations that are wanted of frames, by their names: the columns are the frame's axes in the world. Or a
+        function of the time (s).
+    weights : mapping of str to float or array_like (3,)
+        By the same names, in units of the cost by rad^2: of turns about all axes of the frame, or about x, y, z. 1 if
+        left out.
+
+    Raises
+    ------
+    ArgumentError
+        For an unknown frame, what is no rotation, or a weight that is negative or not finite.
+    """
+
+    def __init__(
+        self,
+        cost: Cost,
+        system: MidpointSystem,
+        orientations: Mapping[str, Orientation],
+        weights: Mapping[str, ArrayLike] | None = None,
+    ) -> None:
+        given = {} if weights is None else weights
+        for name in given:
+            if name not in orientations:
+                known = closest(name, list(orientations), what="names of orientations")
+                raise ArgumentError(f"weights: {name!r} has no orientation that is wanted; {known}")
+        super().__init__(cost, "orientations", system)
+        self.system = system
+        self._wanted = {
+            name: quaternions_of(each, f"orientations: {name!r}", system.t) for name, each in orientations.items()
+        }
+        self._weights: dict[str, Array] = {}
+        for name in orientations:
+            weight = as_array(given.get(name, 1.0), f"weights: {name!r}", (), (3,))
+            if (weight < 0.0).any():
+                raise ArgumentError(f"weights: {name!r}: got {weight.tolist()}, expected no negative number")
+            self._weights[name] = read_only(np.array(np.broadcast_to(weight, (3,))))
+        self._turns()  # an unknown frame is told here
+
+    def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
+        system = self.system.window(start, stop)
+        assert isinstance(system, MidpointSystem)
+        other = self._beside(self.cost.window(start, stop, N=N, nu=nu), stop - start)
+        other.system = system
+        other._wanted = {
+            name: each if len(each) == 1 else each[start : stop + 1] for name, each in self._wanted.items()
+        }
+        return other
+
+    def _turns(self) -> list[tuple[MissingTurn, Array]]:
+        m = self.system.mechanism
+        return [(MissingTurn(m, name, wanted), self._weights[name]) for name, wanted in self._wanted.items()]
+
+    def _prices(self, q: Array, start: int) -> Array:
+        rows = slice(start, start + len(q))
+        total = np.zeros(len(q))
+        for turn, weight in self._turns():
+            total += 0.5 * turn.values(q, rows) ** 2 @ weight
+        return total
+
+    def _slopes(self, q: Array) -> Array:
+        total = np.zeros(q.shape)
+        for turn, weight in self._turns():
+            e = turn.values(q)
+            total += np.einsum("na,nai->ni", weight * e, turn.jacobian(q, e))
+        return total
+
+    def _bends(self, q: Array, *, exact: bool) -> Array:
+        total = np.zeros((*q.shape, q.shape[1]))
+        for turn, weight in self._turns():
+            e = turn.values(q)
+            J = turn.jacobian(q, e)
+            total += J.transpose(0, 2, 1) @ (weight[:, None] * J)
+            if exact:
+                total += turn.bent(q, e, weight * e)
+        return total

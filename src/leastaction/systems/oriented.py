@@ -1,0 +1,116 @@
+"""Limits on how frames of a mechanism are turned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from leastaction.errors import ArgumentError
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array, as_number
+from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.optimal.collocation.limits import Points
+from leastaction.optimal.cost import owned
+from leastaction.optimal.limits.limit import Equal, Horizon, Limit, When, Within
+from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.quantity import Instants, Quantity, Samples
+from leastaction.systems.continuous import MechanismSystem
+from leastaction.systems.midpoint import MidpointSystem
+from leastaction.systems.orientations import MissingTurn, Orientation, quaternions_of
+
+
+class TurnOfFrame(Quantity):
+    """The rotation that is missing, about the frame's axes; or how far its angle is within a largest one (rad)."""
+
+    of_state = True
+
+    def __init__(self, mechanism: Mechanism, t: Array, limit: Oriented) -> None:
+        self.limit, self.within = limit, limit.within
+        self.turn = MissingTurn(mechanism, limit.frame, quaternions_of(limit.rotation, f"{limit}: rotation", t))
+        self.says_all, self.unit = self.within is not None, "rad"
+        self.names = (
+            (f"{limit.frame} within {self.within:.4g} rad of its orientation",)
+            if self.within
+            else tuple(f"{limit.frame} about its {axis}" for axis in "xyz")
+        )
+
+    def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
+        return np.arange(self.turn.mechanism.nq)
+
+    def values(self, at: Samples) -> Array:
+        e = self.turn.values(self._q(at), at.k)
+        if self.within is None:
+            return e
+        # Smooth where nothing is missing, and in radians near the border.
+        return np.asarray(0.5 * (self.within - np.sum(e * e, axis=1, keepdims=True) / self.within))
+
+    def jacobian(self, at: Samples) -> Array:
+        q = self._q(at)
+        e = self.turn.values(q, at.k)
+        J = self.turn.jacobian(q, e)
+        return J if self.within is None else -(e[:, None] @ J) / self.within
+
+    def curvature(self, at: Samples, y: Array) -> Array:
+        q = self._q(at)
+        e = self.turn.values(q, at.k)
+        if self.within is None:
+            return self.turn.bent(q, e, y)
+        J, share = self.turn.jacobian(q, e), -y / self.within
+        return np.asarray(share[:, :, None] * (J.transpose(0, 2, 1) @ J) + self.turn.bent(q, e, share * e))
+
+    def _q(self, at: Samples) -> Array:
+        return np.ascontiguousarray(at.x[:, : self.turn.mechanism.nq])
+
+
+@dataclass(frozen=True)
+class Oriented(Limit):
+    """Hold how a frame is turned: as wanted, or within an angle of that.
+
+    What is limited is the rotation that is missing, ``log(R_wanted' R)``, smooth up to half a turn.
+
+    Parameters
+    ----------
+    frame : str
+    rotation : array_like (3, 3) or (N+1, 3, 3), or callable
+        The rotation that is wanted: its columns are the frame's axes in the world. Or a function of the time (s).
+    within : float, optional
+        The largest angle (rad) by which it may be missed, below half a turn. If left out, it is met: three equations.
+    at : str, int, float or sequence, optional
+        As of `Bound`: every instant if left out.
+
+    Raises
+    ------
+    ArgumentError
+        An angle that is not between 0 and half a turn; by `optimize`, an unknown frame or what is no rotation.
+    """
+
+    frame: str
+    rotation: Orientation
+    within: float | None = field(default=None, kw_only=True)
+    at: When = field(default=None, kw_only=True)
+
+    __getstate__, __setstate__ = saved_state, restore_state
+
+    def __post_init__(self) -> None:
+        if self.within is not None:
+            as_number(self.within, f"{self}: within", above=0.0, below=np.pi)
+        if not callable(self.rotation):
+            object.__setattr__(self, "rotation", owned(self.rotation, f"{self}: rotation"))
+
+    def __str__(self) -> str:
+        return f"Oriented({self.frame!r})"
+
+    def rows(self, system: Horizon, first: int) -> list[Rows]:
+        """Return the rows for a `MidpointSystem`, or for the points of a `MechanismSystem`'s horizon."""
+        given: Any = system.system if isinstance(system, Points) else system
+        if not isinstance(given, MidpointSystem | MechanismSystem):
+            raise ArgumentError(
+                f"{self}: got a {type(given).__name__}, expected a MidpointSystem or a MechanismSystem: their frames "
+                "have names"
+            )
+        t: Any = getattr(system, "t")  # noqa: B009 - both have times
+        quantity = TurnOfFrame(given.mechanism, t, self)
+        limit = Equal(quantity, 0.0, at=self.at) if self.within is None else Within(quantity, at=self.at)
+        return limit.rows(system, first)
