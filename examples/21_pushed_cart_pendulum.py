@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 import leastaction as la
-from leastaction.control import MPC, ClosedLoop, KalmanFilter, close_loop, monte_carlo, tracking
+from leastaction.control import MPC, ClosedLoop, KalmanFilter, close_loop, monte_carlo
+from leastaction.costs import tracking
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.viz import save_png
 

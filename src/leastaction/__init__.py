@@ -18,6 +18,7 @@ from leastaction._names import lazily
 from leastaction._version import __version__
 
 if TYPE_CHECKING:
+    from leastaction.control import MPC, KalmanFilter, simulate_many
     from leastaction.errors import LeastActionError
     from leastaction.io import open, read_motion  # noqa: A004 - as `gzip.open` is
     from leastaction.io.mechanisms import load
@@ -84,6 +85,7 @@ else:
     __getattr__, __dir__ = lazily(
         __name__,
         {
+            "leastaction.control": "MPC KalmanFilter simulate_many",
             "leastaction.errors": "LeastActionError",
             "leastaction.io": "open read_motion",
             "leastaction.io.mechanisms": "load",
@@ -142,6 +144,8 @@ __all__ = [  # noqa: RUF022 - by topics
     "Bound", "ContinuousQuadraticCost", "Equal", "IterationTable", "MechanismSystem", "MidpointSystem",
     "OptimizationResult", "QuadraticCost", "Status", "Within", "check_derivatives", "controllability", "follow",
     "optimize", "optimize_continuous", "regulate", "regulate_continuous", "warm_start",
+    # Control it, and run many at once; more is in `control`
+    "KalmanFilter", "MPC", "simulate_many",
     # Try it on a machine, look at it, keep it
     "Rig", "load", "open", "play", "read_motion", "show",
     # What can go wrong, and what this is

@@ -8,15 +8,17 @@ from leastaction.optimal import (
     Cost,
     CostGradient,
     CostHessian,
+    CostSum,
+    GaussNewton,
     QuadraticCost,
     RateGradient,
     RateHessian,
 )
-from leastaction.systems import OrientationCost, PlaceCost, SmoothCost
+from leastaction.systems import OrientationCost, PlaceCost, SmoothCost, tracking
 
 __all__ = [  # noqa: RUF022 - by topics
     # In discrete time
-    "OrientationCost", "PlaceCost", "QuadraticCost", "SmoothCost",
+    "CostSum", "GaussNewton", "OrientationCost", "PlaceCost", "QuadraticCost", "SmoothCost", "tracking",
     # In continuous time
     "ContinuousQuadraticCost",
     # Of one's own

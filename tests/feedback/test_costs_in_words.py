@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from leastaction import MidpointSystem, MidpointVI, QuadraticCost, optimize, to_velocity
-from leastaction.control import CostSum, GaussNewton, tracking
+from leastaction.costs import CostSum, GaussNewton, tracking
 from leastaction.errors import ArgumentError
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.numerics.differences import central_differences

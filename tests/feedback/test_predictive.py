@@ -9,6 +9,7 @@ from leastaction import Bound, MidpointSystem, MidpointVI, QuadraticCost, optimi
 from leastaction.control import MPC
 from leastaction.errors import ArgumentError
 from leastaction.models.cart_pendulum import cart_pendulum
+from leastaction.models.marionette import marionette, rest_pose
 from leastaction.optimal import LinearSystem
 
 N, DT = 40, 0.025
@@ -156,3 +157,24 @@ def test_what_is_wrong_is_said():
         mpc(np.zeros(3), 0.0)
     with pytest.raises(ArgumentError, match="x: got nan"):
         mpc([0.0, np.nan, 0.0, 0.0], 0.0)
+
+
+def test_a_marionette_is_held_by_strings_that_pull():
+    """States with multipliers, prescribed strings and limits on tensions; what a call is given may lack multipliers."""
+    m = marionette()
+    vi = MidpointVI(m, threads=1)
+    system = MidpointSystem(vi, 0.01 * np.arange(9), multipliers=True)
+    start = vi.start(rest_pose(m))
+    x = np.concatenate([start.q, start.p, start.v_rho, np.zeros(m.nc)])
+    weights = np.repeat([100.0, 0.01, 0.01, 0.01, 0.0], [m.nd, m.nrho, m.nd, m.nrho, m.nc])
+    held = np.concatenate([np.zeros(m.n_inputs), start.q[m.nd :]])
+    cost = QuadraticCost(np.tile(x, (9, 1)), np.tile(held, (8, 1)), Q=weights, R=np.full(system.nu, 1.0))
+    mpc = MPC(system, cost, [Bound("*", min=0.0, of="tension")])
+    rng, begin = np.random.default_rng(0), x
+    for k in range(6):
+        u = mpc(x[: m.nx], 0.01 * k)
+        assert mpc.info.planned, mpc.info.message
+        assert mpc.info.violation < 1e-3
+        x = system.f(x, u, 0)
+        x[m.nq : m.nq + m.nd] += 1e-5 * rng.standard_normal(m.nd)
+    assert np.abs(x[: m.nd] - begin[: m.nd]).max() < 0.05

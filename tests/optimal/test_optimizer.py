@@ -118,3 +118,15 @@ def test_settings_are_options_by_their_names() -> None:
     assert options.changed(method="newton").method == "newton"
     assert [way.name for way in WAYS] == list(WAY_NAMES)
     assert Options(without="gaps").without == ("gaps",)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("limits", [[], LIMITS])
+def test_another_cost_is_that_of_an_optimiser_made_with_it(limits: list[Limit]) -> None:
+    system = cart()
+    optimizer, other = Optimizer(system, tracking(), limits), Optimizer(system, tracking(0.1), limits)
+    optimizer.run(REST)
+    again = optimizer.again(REST[0], cost=tracking(0.1))
+    assert again.cost == pytest.approx(other.run(REST).cost, rel=1e-8)
+    assert_same(optimizer.run(REST), other.run(REST))
+    with pytest.raises(ArgumentError, match=r"cost.x_wanted: got shape \(5, 4\)"):
+        optimizer.again(cost=QuadraticCost(np.zeros((5, 4)), np.zeros((4, 1)), Q=np.ones(4), R=[1.0]))

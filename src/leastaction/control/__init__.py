@@ -8,7 +8,6 @@ from leastaction._names import lazily
 
 if TYPE_CHECKING:
     from leastaction.control.closed_loop import ClosedLoop, close_loop
-    from leastaction.control.costs import CostSum, GaussNewton, tracking
     from leastaction.control.gains import SteadyGain, lqe, lqr
     from leastaction.control.kalman import Estimate, KalmanFilter
     from leastaction.control.many import ManyRuns, simulate_many
@@ -21,7 +20,6 @@ else:
         __name__,
         {
             "leastaction.control.closed_loop": "ClosedLoop close_loop",
-            "leastaction.control.costs": "CostSum GaussNewton tracking",
             "leastaction.control.gains": "SteadyGain lqe lqr",
             "leastaction.control.kalman": "Estimate KalmanFilter",
             "leastaction.control.many": "ManyRuns simulate_many",
@@ -33,7 +31,7 @@ else:
     )
 
 __all__ = [
-    "MPC", "ClosedLoop", "CostSum", "Estimate", "Failed", "GaussNewton", "KalmanFilter", "LoopBands", "ManyRuns",
+    "MPC", "ClosedLoop", "Estimate", "Failed", "KalmanFilter", "LoopBands", "ManyRuns",
     "MovingHorizonEstimator", "PredictiveInfo", "SteadyGain", "close_loop", "lqe", "lqr", "monte_carlo",
-    "optimize_many", "simulate_many", "sweep", "tracking",
+    "optimize_many", "simulate_many", "sweep",
 ]  # fmt: skip

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from leastaction.control.kalman import check_estimator
 from leastaction.control.plants import plant_of
 from leastaction.control.predictive import MPC
-from leastaction.control.readings import Measured, Readings, Spread, covariance
+from leastaction.control.readings import Measured, Readings, Spread, covariance, covariance_of_states
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, read_only
 from leastaction.numerics.signals import StateLaw, takes_state
@@ -112,7 +112,7 @@ def close_loop(
         Or what has ``predict(u)``, ``correct(y)``, `x` and `system`.
     disturbance : float, array_like, mapping or callable, optional
         What is added to the plant's state at the end of each step: at random by standard deviations or a covariance,
-        or a function ``(t, x) -> (nx,)``. Constraints are kept.
+        or a function ``(t, x) -> (ndx,)``. Constraints are kept.
     substeps : int, optional
         Steps of a `MidpointSystem` to each of the controller's.
     seed : int, optional
@@ -151,7 +151,7 @@ def close_loop(
     names = stood.system.state_names
     root = None
     if disturbance is not None and not callable(disturbance):
-        root = _root(covariance(disturbance, names, "disturbance", definite=False))
+        root = _root(covariance_of_states(disturbance, stood.system, "disturbance"))
     at = as_array(x, "x", (stood.system.nx,), names=names)
     stood.system.check_start(at)
     seen = getattr(controller, "system", None) or getattr(estimator, "system", None)
@@ -171,16 +171,18 @@ def close_loop(
         now = float(times[k])
         try:
             if estimator is None:
-                given = read[max(0, k - late)]
+                seen_now = read[max(0, k - late)]
             else:
                 if k >= late:
                     if k > late:
                         estimator.predict(inputs[k - late - 1])
                     estimator.correct(read[k - late])
-                given = _ahead(estimator, inputs[max(0, k - late) :], max(0, k - late))
-                estimates.append(given)
+                seen_now = _ahead(estimator, inputs[max(0, k - late) :], max(0, k - late))
+                estimates.append(seen_now)
                 surprise.append(float(getattr(estimator, "surprise", np.nan)))
-            u = as_array(ask(now, given), f"controller({now:g}, x)", (stood.system.nu,), names=stood.system.input_names)
+            u = as_array(
+                ask(now, seen_now), f"controller({now:g}, x)", (stood.system.nu,), names=stood.system.input_names
+            )
             if hasattr(controller, "info"):
                 infos.append(controller.info)
             after = stood.step(at, u, k)
@@ -189,10 +191,12 @@ def close_loop(
             break
         if disturbance is not None:
             if callable(disturbance):
-                off = as_array(disturbance(float(times[k + 1]), read_only(after)), "disturbance(t, x)", after.shape)
+                off = as_array(
+                    disturbance(float(times[k + 1]), read_only(after)), "disturbance(t, x)", (stood.system.ndx,)
+                )
             else:
                 assert root is not None
-                off = root @ pushed.standard_normal(len(after))
+                off = root @ pushed.standard_normal(len(root))
             if off.any():
                 after = stood.system.moved_start(after, off)
         if not np.isfinite(after).all():

@@ -50,7 +50,7 @@ class WindowModel(NamedTuple):
 class InteriorPoint:
     """Where the interior point method ended.
 
-    ``dx`` (N+1, nx), ``du`` (N, nu): the changes. ``K`` (N, nu, nx): the gains of its last recursion, in the memory of
+    ``dx`` (N+1, ndx), ``du`` (N, nu): the changes. ``K`` (N, nu, ndx): the gains of its last recursion, in memory of
     the method. ``iterations``, ``converged``: how many there were, and whether these were enough. ``excess``: the
     largest violation of a limit to first order, in its scale.
     """
@@ -84,7 +84,7 @@ class _Slacks(NamedTuple):
 class InteriorProgram:
     """The method and its memory: slacks, excesses, multipliers and prices. Not for several threads.
 
-    ``limited``: the limits. ``sizes``: N, nx, nu. ``price``: of an excess of its scale, to begin with. ``scales``: of
+    ``limited``: the limits. ``sizes``: N, ndx, nu. ``price``: of an excess of its scale, to begin with. ``scales``: of
     all limits. ``magnitude``: of the cost, where it falls by nothing.
     """
 

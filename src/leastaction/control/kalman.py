@@ -18,7 +18,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.control.readings import Measured, Readings, Spread, covariance, step_of
+from leastaction.control.readings import Measured, Readings, Spread, covariance, covariance_of_states, step_of
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_choice, read_only, require_instance
 from leastaction.optimal.discrete.system import DiscreteSystem
@@ -36,15 +36,15 @@ class Estimate:
         Times (s).
     x : ndarray (N+1, nx)
         Estimates, after the reading of each instant.
-    P : ndarray (N+1, nx, nx)
+    P : ndarray (N+1, ndx, ndx)
         Their covariances.
     innovations : ndarray (N+1, ny)
         Readings less what was expected.
     surprise : ndarray (N+1,)
         Normalised innovations squared, ``e' S^-1 e``: ny in the mean, of a filter that is consistent.
-    x_predicted, P_predicted : ndarray (N+1, nx), (N+1, nx, nx)
+    x_predicted, P_predicted : ndarray (N+1, nx), (N+1, ndx, ndx)
         Before the reading of each instant.
-    A : ndarray (N, nx, nx)
+    A : ndarray (N, ndx, ndx)
         Derivatives of the steps.
     """
 
@@ -58,7 +58,7 @@ class Estimate:
     A: Array
 
     def smoothed(self, system: DiscreteSystem) -> tuple[Array, Array]:
-        """Return states (N+1, nx) and covariances (N+1, nx, nx) by all readings, the later ones too.
+        """Return states (N+1, nx) and covariances (N+1, ndx, ndx) by all readings, the later ones too.
 
         That of Rauch, Tung and Striebel, backwards along what the filter did.
 
@@ -89,7 +89,8 @@ class KalmanFilter:
     noise : float, array_like or mapping
         Of readings: standard deviations, one for all, (ny,), or by name; or a covariance (ny, ny).
     process : float, array_like or mapping
-        Of what a step adds to the state by chance, likewise, (nx,) or ``{"p_*": 0.01}``, or (nx, nx).
+        Of what a step adds to the state by chance, likewise, (nx,) or ``{"p_*": 0.01}``, or (nx, nx);
+        of states that are no plain vectors ndx for nx.
     x : array_like (nx,)
         Where it is believed to begin.
     spread : float, array_like or mapping
@@ -99,7 +100,7 @@ class KalmanFilter:
 
     Attributes
     ----------
-    x, P : ndarray (nx,), (nx, nx)
+    x, P : ndarray (nx,), (ndx, ndx)
         The estimate now and its covariance.
     k : int
         Steps that it has gone.
@@ -141,12 +142,12 @@ class KalmanFilter:
         self.system, self.kind = system, kind
         self.readings = Readings(system, measure)
         self.V = covariance(noise, self.readings.names, "noise", definite=True)
-        self.W = covariance(process, system.state_names, "process", definite=False)
+        self.W = covariance_of_states(process, system, "process")
         self.x = as_array(x, "x", (system.nx,), names=system.state_names).copy()
-        self.P = self._tangent(covariance(spread, system.state_names, "spread", definite=False))
+        self.P = self._tangent(covariance_of_states(spread, system, "spread"))
         self.k = 0
         self.innovation, self.surprise = np.zeros(self.readings.ny), np.nan
-        self.A = np.eye(system.nx)  # of the last step
+        self.A = np.eye(system.ndx)  # of the last step
 
     # ---- One step after the other -------------------------------------------------------------------
 
@@ -190,7 +191,7 @@ class KalmanFilter:
         L = np.linalg.solve(S, cross.T).T
         self.surprise = float(self.innovation @ np.linalg.solve(S, self.innovation))
         if self.kind == "extended":
-            rest = np.eye(len(self.x)) - L @ C
+            rest = np.eye(len(self.P)) - L @ C
             self.P = _symmetric(rest @ self.P @ rest.T + L @ self.V @ L.T)
         else:
             self.P = _symmetric(self.P - L @ S @ L.T)
@@ -210,10 +211,10 @@ class KalmanFilter:
             The system has no step from an estimate.
         """
         u = as_array(u, "u", (None, self.system.nu), meaning="(N, nu)", names=self.system.input_names)
-        N, nx, ny = len(u), self.system.nx, self.readings.ny
+        N, nx, ndx, ny = len(u), self.system.nx, self.system.ndx, self.readings.ny
         y = as_array(y, "y", (N + 1, ny), meaning="(N+1, ny)", names=self.readings.names)
         x, x_predicted = np.empty((N + 1, nx)), np.empty((N + 1, nx))
-        P, P_predicted, A = np.empty((N + 1, nx, nx)), np.empty((N + 1, nx, nx)), np.empty((N, nx, nx))
+        P, P_predicted, A = np.empty((N + 1, ndx, ndx)), np.empty((N + 1, ndx, ndx)), np.empty((N, ndx, ndx))
         e, surprise, first = np.empty((N + 1, ny)), np.empty(N + 1), self.k
         for k in range(N + 1):
             if k > 0:
@@ -265,7 +266,7 @@ class KalmanFilter:
         """Return the readings that are expected, their covariance with the state, and their own."""
         states, away = self._points()
         if not len(states):
-            return self.readings(self.x, self.k), np.zeros((len(self.x), self.readings.ny)), self.V
+            return self.readings(self.x, self.k), np.zeros((len(self.P), self.readings.ny)), self.V
         read = np.array([self.readings(state, self.k) for state in states])
         mean = read.mean(axis=0)
         off = read - mean

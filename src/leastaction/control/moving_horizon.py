@@ -90,6 +90,8 @@ class MovingHorizonEstimator:
         self.horizon, self.limits = as_count(horizon, "horizon", 1), checked_limits(limits)
         if self.horizon > system.N:
             raise ArgumentError(f"horizon: got {horizon}, expected at most the {system.N} steps of the system")
+        if system.charts() is not None:
+            raise ArgumentError("system: its states are no plain vectors, expected some that are; or a KalmanFilter")
         values, vectors = np.linalg.eigh(self.before.W)
         some = values > 0.0
         if not some.any():

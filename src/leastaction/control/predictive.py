@@ -21,6 +21,7 @@ from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, read_only, require_instance
 from leastaction.optimal.discrete.cost import Cost, QuadraticCost
 from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.limits.charts import charted
 from leastaction.optimal.limits.cost import LimitedCost
 from leastaction.optimal.limits.limit import FromSecond, Limit, checked_limits
 from leastaction.optimal.limits.rows import Rows
@@ -101,7 +102,7 @@ class MPC:
     ----------
     info : PredictiveInfo
         What the last call did.
-    x, u, K : ndarray (horizon+1, nx), (horizon, nu), (horizon, nu, nx)
+    x, u, K : ndarray (horizon+1, nx), (horizon, nu), (horizon, nu, ndx)
         Its plan, and the gains along it.
 
     Raises
@@ -155,12 +156,13 @@ class MPC:
         self._labels = [row.labels for row in self._rows]
         self._bounds = _bounds_of_inputs(self._rows, N, system.nu)
         self._cost_at(self.t0).check_shapes(N, system.nx, system.nu)
+        self._charted = charted(self._rows, self.system.charts())
         self._program: InteriorProgram | None = None
         self._limited: LimitedCost | None = None
         self._memory: Linearization | None = None
         self._t = 0.0  # when the plan begins
         self.x, self.u = np.zeros((N + 1, system.nx)), np.zeros((N, system.nu))
-        self.K = np.zeros((N, system.nu, system.nx))
+        self.K = np.zeros((N, system.nu, system.ndx))
         self.info = PredictiveInfo(self.t0, 0.0, 0, 0, 0.0, (), np.nan, planned=False, message="not called yet")
 
     # ---- The call ---------------------------------------------------------------------------------
@@ -257,13 +259,13 @@ class MPC:
         """Go on from a result."""
         self.x, self.u, self.K = np.array(result.x), np.array(result.u), np.array(result.K)
         self._t = at
-        N, nx, nu = self.horizon, self.system.nx, self.system.nu
-        self._limited = limited = LimitedCost(cost, self._rows, nx, nu)
+        N, ndx, nu = self.horizon, self.system.ndx, self.system.nu
+        self._limited = limited = LimitedCost(cost, self._charted, ndx, nu)
         scales = limited.layout.columns.filled([rows.scale for rows in self._rows]).flat
         seen = limited.layout.largest(np.abs(limited.asked(self.x, self.u).flat))
         scales = limited.layout.spread(np.where(scales > 0.0, scales, np.maximum(seen, 1e-3)))
         magnitude = max(abs(result.cost), _LEAST)
-        self._program = InteriorProgram(limited, (N, nx, nu), _PRICE * magnitude, scales, magnitude)
+        self._program = InteriorProgram(limited, (N, ndx, nu), _PRICE * magnitude, scales, magnitude)
 
     def _cost_at(self, at: float) -> Cost:
         """Return the cost of a horizon that begins at a time."""
@@ -315,7 +317,7 @@ class MPC:
             return f"no plan from here: {error}"
         if found is None or not np.isfinite(found.du).all():
             return "the quadratic problem along the motion from here has no minimum"
-        self.x, self.u, self.K = x + found.dx, u + found.du, found.K.copy()
+        self.x, self.u, self.K = system.plus(x, found.dx), u + found.du, found.K.copy()
         return found.excess, cost.value(x, u), found.iterations
 
     def _violation(self, x: Array, u: Array) -> float:
@@ -360,4 +362,4 @@ def _held(cost: QuadraticCost, k: int, N: int) -> QuadraticCost:
     stages, instants = np.minimum(np.arange(k, k + N), last - 1), np.minimum(np.arange(k, k + N + 1), last)
     Q, R = (W if W.ndim < 3 else W[stages] for W in (cost.Q, cost.R))
     final = cost.Q_final if k + N >= last or cost.Q.ndim == 3 else None
-    return QuadraticCost(cost.x_wanted[instants], cost.u_wanted[stages], Q=Q, R=R, Q_final=final)
+    return QuadraticCost(cost.x_wanted[instants], cost.u_wanted[stages], Q=Q, R=R, Q_final=final, space=cost.space)

@@ -41,7 +41,7 @@ class Readings:
     """
 
     def __init__(self, system: System, measure: Measured) -> None:
-        self.nx = system.nx
+        self.nx, self.space = system.nx, system.charts()
         self._quantity: Quantity | None = None
         self._function: Callable[[Array], ArrayLike] | None = None
         self._matrix: Array | None = None
@@ -70,7 +70,12 @@ class Readings:
         return np.asarray(self._quantity.values(self._at(x, k))[0])
 
     def jacobian(self, x: Array, k: int = 0) -> Array:
-        """Return their derivatives (ny, nx)."""
+        """Return their derivatives (ny, ndx) by the directions in which a state moves."""
+        slopes = self._slopes(x, k)
+        return slopes if self.space is None else np.asarray(slopes @ self.space.plus_derivative(x))
+
+    def _slopes(self, x: Array, k: int) -> Array:
+        """Return their derivatives (ny, nx) by the numbers of a state."""
         if self._matrix is not None:
             return self._matrix
         if self._function is not None:
@@ -126,6 +131,24 @@ def covariance(spread: Spread, names: Sequence[str], what: str, *, definite: boo
     if given.ndim < 2:
         return _checked(np.diag(np.broadcast_to(given, (n,)) ** 2), what, definite=definite)
     return _checked(given, what, definite=definite)
+
+
+def covariance_of_states(spread: Spread, system: System, what: str) -> Array:
+    """Return a covariance (ndx, ndx) of what a state of a system is off by; names are those of its entries.
+
+    Of states that are no plain vectors every direction counts for a name that moves an entry of that name.
+    """
+    names, space = system.state_names, system.charts()
+    if space is None or not isinstance(spread, Mapping):
+        count = names if space is None else tuple(f"dx[{i}]" for i in range(system.ndx))
+        return covariance(spread, count, what, definite=False)
+    deviations = np.zeros(system.ndx)
+    for name, value in spread.items():
+        places = matching(names, name)
+        if not places:
+            raise unknown("entry", name, names, what)
+        deviations[space.pattern[places].any(axis=0)] = value
+    return np.diag(deviations**2)
 
 
 def _checked(matrix: Array, what: str, *, definite: bool) -> Array:

@@ -44,6 +44,8 @@ if TYPE_CHECKING:
         sweep_forward,
     )
     from leastaction.optimal.discrete.projection import ProjectionOperator, linearize_along_curve
+    from leastaction.optimal.discrete.residuals import GaussNewton
+    from leastaction.optimal.discrete.sums import CostSum
     from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, WindowSystem
     from leastaction.optimal.limit_report import LimitReport, LimitState
     from leastaction.optimal.limits.limit import Bound, Equal, Limit, Within
@@ -78,6 +80,8 @@ else:
             ),
             "leastaction.optimal.discrete.controllability": "Controllability ControllabilityWindow controllability",
             "leastaction.optimal.discrete.cost": "AddedCost Cost CostGradient QuadraticCost WindowCost",
+            "leastaction.optimal.discrete.residuals": "GaussNewton",
+            "leastaction.optimal.discrete.sums": "CostSum",
             "leastaction.optimal.discrete.function_system": "FunctionSystem LinearSystem",
             "leastaction.optimal.discrete.hessians": "CostHessian HessianPart ModelHessian",
             "leastaction.optimal.discrete.linear_quadratic": (
@@ -110,16 +114,16 @@ else:
 __all__ = [
     "Accuracy", "AddedCost", "Bound", "Callback", "ContinuousCost", "ContinuousLinearQuadraticSolution",
     "ContinuousOptimizationResult", "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout",
-    "ContinuousSystem", "Controllability", "ControllabilityWindow", "Cost", "CostAlong", "CostGradient",
-    "CostHessian", "DenseTrajectory", "DerivativeReport", "DiscreteSystem", "Entries", "Equal", "FinalTime",
-    "FunctionContinuousSystem", "FunctionQuantity", "FunctionSystem", "HelpedCost", "HessianPart", "IterationRecord",
-    "IterationTable", "Limit", "LimitReport", "LimitState", "LinearContinuousSystem", "LinearQuadraticSolution",
-    "LinearSystem", "Linearization", "Method", "ModelHessian", "OptimizationHistory", "OptimizationResult",
-    "Optimizer", "Options", "Parameter", "Periodic", "PiecewisePolynomial", "PricedLimit", "PricedLimits",
-    "ProductSpace", "ProjectionOperator", "QuadraticCost", "Quantity", "RateGradient", "RateHessian", "Rollout",
-    "Rotations", "Shooting", "StageRecord", "StageTable", "StartResult", "StartStatus", "StateSpace", "Status",
-    "Unknown", "Vectors", "WindowCost", "WindowSystem", "Within", "adjoint", "check_derivatives", "coarse_to_fine",
-    "continuation", "controllability", "cost_along", "linearize_along_curve", "optimize", "optimize_continuous",
-    "receding_horizon", "regulate", "regulate_continuous", "resample", "solve_continuous_linear_quadratic",
-    "solve_linear_quadratic", "steady_state_regulator", "sweep_forward",
+    "ContinuousSystem", "Controllability", "ControllabilityWindow", "Cost", "CostAlong", "CostGradient", "CostHessian",
+    "CostSum", "DenseTrajectory", "DerivativeReport", "DiscreteSystem", "Entries", "Equal", "FinalTime",
+    "FunctionContinuousSystem", "FunctionQuantity", "FunctionSystem", "GaussNewton", "HelpedCost", "HessianPart",
+    "IterationRecord", "IterationTable", "Limit", "LimitReport", "LimitState", "LinearContinuousSystem",
+    "LinearQuadraticSolution", "LinearSystem", "Linearization", "Method", "ModelHessian", "OptimizationHistory",
+    "OptimizationResult", "Optimizer", "Options", "Parameter", "Periodic", "PiecewisePolynomial", "PricedLimit",
+    "PricedLimits", "ProductSpace", "ProjectionOperator", "QuadraticCost", "Quantity", "RateGradient", "RateHessian",
+    "Rollout", "Rotations", "Shooting", "StageRecord", "StageTable", "StartResult", "StartStatus", "StateSpace",
+    "Status", "Unknown", "Vectors", "WindowCost", "WindowSystem", "Within", "adjoint", "check_derivatives",
+    "coarse_to_fine", "continuation", "controllability", "cost_along", "linearize_along_curve", "optimize",
+    "optimize_continuous", "receding_horizon", "regulate", "regulate_continuous", "resample",
+    "solve_continuous_linear_quadratic", "solve_linear_quadratic", "steady_state_regulator", "sweep_forward",
 ]  # fmt: skip

@@ -30,6 +30,7 @@ from leastaction.optimal.iterates.curve import Gapped
 from leastaction.optimal.limits.limit import Limit, checked_limits
 from leastaction.optimal.loop import Callback, Loop, Problem
 from leastaction.optimal.options import Options
+from leastaction.optimal.remembered.extension import Remembered, needed_by
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.search.problem import DiscreteProblem
 from leastaction.optimal.system import check_system
@@ -105,6 +106,7 @@ class Optimizer:
         self.ways = [way for way in WAYS if way.name not in self.options.without]
         self.result: OptimizationResult | None = None
         self._extension: Extension | None = None
+        self._remembered: Remembered | None = None
         self._problem = self._discrete() if isinstance(system, DiscreteSystem) else self._continuous()
 
     # ---- Runs -------------------------------------------------------------------------------------
@@ -146,10 +148,12 @@ class Optimizer:
         if isinstance(self.system, DiscreteSystem):
             if self.free_start is False and initial is not None and not isinstance(initial, OptimizationResult):
                 self.system.check_start(np.atleast_2d(given_start(self.system, initial)[0])[0])
-            if extension is not None:
-                resume = None if resume is None else extension.resume(resume)
-                initial = None if initial is None else extension.start(initial)
-                callback = extension.callback(callback)
+            # There from the system's own states, and back again.
+            for way in (self._remembered, extension):
+                if way is not None:
+                    resume = None if resume is None else way.resume(resume)
+                    initial = None if initial is None else way.start(initial)
+                    callback = way.callback(callback)
             if resume is not None:
                 _check_unknowns(resume, extension)
         with _one_thread() if isinstance(self._problem, Collocation) else nullcontext():
@@ -157,7 +161,8 @@ class Optimizer:
             if resume is not None and resume.memory is not None and resume.memory.resolved is not None:
                 resume_within(loop.progress, resume, resume.memory)
             result = loop.run()
-        return result if extension is None else extension.result(result)
+        result = result if extension is None else extension.result(result)
+        return result if self._remembered is None else self._remembered.result(result)
 
     def _begun(self, initial: Any, resume: OptimizationResult | None) -> Problem[Any, Any, Any]:
         """Return the problem at its first iterate, with the memory that the last run has worked in."""
@@ -215,7 +220,7 @@ class Optimizer:
         if not isinstance(system, DiscreteSystem):
             raise ArgumentError(f"again: got a {type(system).__name__}, expected a discrete system; use run(result)")
         if cost is not None:
-            self._replace_cost(cost)
+            self._replace_cost(system, cost)
         steps = as_count(shift, "shift", 0)
         x, u = last.x, last.u
         if steps:
@@ -227,10 +232,15 @@ class Optimizer:
 
     # ---- The problem ------------------------------------------------------------------------------
 
-    def _replace_cost(self, cost: Cost) -> None:
+    def _replace_cost(self, system: DiscreteSystem, cost: Cost) -> None:
         require_instance(cost, "cost", Cost, "such as a QuadraticCost")
+        cost.check_shapes(system.N, system.nx, system.nu)
+        check_space(cost, system)
         self.cost = cost
-        self._problem = self._discrete()
+        if self._extension is None and isinstance(self._problem, DiscreteProblem):
+            self._problem.parts.replace_cost(cost)
+        else:
+            self._problem = self._discrete()
 
     def _discrete(self) -> DiscreteProblem:
         """Return the problem in steps of time, with limits or without, of the extended system where there is one."""
@@ -258,12 +268,18 @@ class Optimizer:
             )
         if isinstance(settings.projection, PiecewisePolynomial):
             raise ArgumentError("projection: got functions of time, expected gains (N, nu, nx) of a discrete system")
-        if self.unknowns or any(isinstance(limit, Periodic) for limit in self.limits):
-            self._extension = extension = Extension(system, cost, self.unknowns, self.limits, free)
+        limits = self.limits
+        needs = needed_by(limits, system, 1 if free is False else 0)
+        if needs:
+            self._remembered = remembered = Remembered(system, cost, limits, needs)
+            system, cost, limits = remembered.system, remembered.cost, remembered.limits
+            settings = remembered.settings(settings)
+        if self.unknowns or any(isinstance(limit, Periodic) for limit in limits):
+            self._extension = extension = Extension(system, cost, self.unknowns, limits, free)
             rows, free, final_time = extension.rows(), True, extension.system.final_time
             system, cost, settings = extension.system, extension.cost, extension.settings(settings)
         else:
-            rows = [row for limit in self.limits for row in limit.rows(system, 1 if free is False else 0)]
+            rows = [row for limit in limits for row in limit.rows(system, 1 if free is False else 0)]
         tries_gaps = settings.method == "auto" and own_projection(settings, system) is None and self._extension is None
         tries_gaps = tries_gaps and settings.shooting == "auto" and "gaps" not in settings.without
         gapped: Gapped = "where needed" if tries_gaps else "never"

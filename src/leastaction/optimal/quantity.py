@@ -191,20 +191,32 @@ class Entries(Quantity):
 
 
 class QuantityView(Quantity):
-    """Another quantity, asked in another place; that is for a subclass to say, and what else it changes."""
+    """Another quantity, seen otherwise: it has that one's names, and what is said of it, until a subclass says more."""
 
     def __init__(self, whole: Quantity) -> None:
         self.whole = whole
         self.names, self.kind, self.unit, self.first = whole.names, whole.kind, whole.unit, whole.first
         self.of_state, self.looks_ahead, self.says_all = whole.of_state, whole.looks_ahead, whole.says_all
-        self.by_entries = whole.by_entries
 
-    def columns(self, nx: int, nu: int) -> Instants | None:
-        return self.whole.columns(nx, nu)
+    @abstractmethod
+    def instants(self, k: Instants) -> Instants:
+        """Return the instants of the other quantity at which it is asked."""
 
+
+def wholes_apart(one: QuantityView, other: Quantity, k: Instants) -> Array | None:
+    """Return how far views are apart whose wholes are asked at the same instants; see `Quantity.apart`."""
+    if not isinstance(other, QuantityView):
+        return None
+    own = one.instants(k)
+    return one.whole.apart(other.whole, own) if np.array_equal(own, other.instants(k)) else None
+
+
+class QuantityElsewhere(QuantityView):
+    """Another quantity, asked in another place; which that is, a subclass says."""
+
+    @abstractmethod
     def seen(self, at: Samples) -> Samples:
-        """Return where the other quantity is asked; at the same place by default."""
-        return at
+        """Return where the other quantity is asked."""
 
     def values(self, at: Samples) -> Array:
         return self.whole.values(self.seen(at))
@@ -216,14 +228,7 @@ class QuantityView(Quantity):
         return self.whole.curvature(self.seen(at), y)
 
     def apart(self, other: Quantity, k: Instants) -> Array | None:
-        if not isinstance(other, QuantityView):
-            return None
-        own = self.instants(k)
-        return self.whole.apart(other.whole, own) if np.array_equal(own, other.instants(k)) else None
-
-    def instants(self, k: Instants) -> Instants:
-        """Return the instants of the other quantity at which it is asked; the same ones by default."""
-        return k
+        return wholes_apart(self, other, k)
 
 
 class _Selected(QuantityView):
@@ -233,6 +238,15 @@ class _Selected(QuantityView):
         super().__init__(whole)
         self.rows = list(rows)
         self.names = tuple(whole.names[row] for row in rows)
+
+    def instants(self, k: Instants) -> Instants:
+        return k
+
+    def columns(self, nx: int, nu: int) -> Instants | None:
+        return self.whole.columns(nx, nu)
+
+    def apart(self, other: Quantity, k: Instants) -> Array | None:
+        return wholes_apart(self, other, k)
 
     def values(self, at: Samples) -> Array:
         return self.whole.values(at)[:, self.rows]
@@ -256,6 +270,9 @@ class WeightedSum(QuantityView):
         super().__init__(whole)
         self.weights, self.says_all = read_only(weights.copy()), False
         self.names = (_sum_of(whole.names, weights),)
+
+    def instants(self, k: Instants) -> Instants:
+        return k
 
     def columns(self, nx: int, nu: int) -> Instants | None:
         whole = self.whole
@@ -296,12 +313,15 @@ def _sum_of(names: Sequence[str], weights: Array) -> str:
     return said
 
 
-class Later(QuantityView):
+class Later(QuantityElsewhere):
     """A quantity as it is from a later instant on: what a window of a system has of it."""
 
     def __init__(self, whole: Quantity, start: int) -> None:
         super().__init__(whole)
         self.start = start
+
+    def columns(self, nx: int, nu: int) -> Instants | None:
+        return self.whole.columns(nx, nu)
 
     def seen(self, at: Samples) -> Samples:
         return at._replace(k=self.instants(at.k))

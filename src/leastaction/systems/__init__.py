@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from leastaction.systems.costs.orientations import OrientationCost
     from leastaction.systems.costs.places import PlaceCost
     from leastaction.systems.costs.smooth import CostOfAccelerations, SmoothCost
+    from leastaction.systems.costs.tracking import tracking
     from leastaction.systems.embedding import embed
     from leastaction.systems.following.follow import Followed, follow
     from leastaction.systems.keep import Keep
@@ -34,6 +35,7 @@ else:
             "leastaction.systems.costs.orientations": "OrientationCost",
             "leastaction.systems.costs.places": "PlaceCost",
             "leastaction.systems.costs.smooth": "CostOfAccelerations SmoothCost",
+            "leastaction.systems.costs.tracking": "tracking",
             "leastaction.systems.embedding": "embed",
             "leastaction.systems.following.follow": "Followed follow",
             "leastaction.systems.keep": "Keep",
@@ -51,5 +53,5 @@ else:
 __all__ = [
     "Ball", "Box", "CostOfAccelerations", "CostOfConfigurations", "Followed", "HalfSpace", "Keep", "MechanismSystem",
     "MidpointSystem", "OrientationCost", "Oriented", "PlaceCost", "Played", "PulledSystem", "Region", "Rig",
-    "SmoothCost", "by_tensions", "check_derivatives", "embed", "follow", "play", "relax", "warm_start",
+    "SmoothCost", "by_tensions", "check_derivatives", "embed", "follow", "play", "relax", "tracking", "warm_start",
 ]  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -27,7 +28,7 @@ from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, check_window
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization
-from leastaction.systems.quantities.discrete import KINDS, quantity_of
+from leastaction.systems.quantities.discrete import ACROSS, KINDS, quantity_of
 from leastaction.systems.quantities.physical import conditions_of
 from leastaction.systems.saving import dataset_with_multipliers
 
@@ -57,6 +58,7 @@ class MidpointSystem(DiscreteSystem):
         If the times do not increase.
     """
 
+    beside = MappingProxyType({"acceleration": ACROSS})
     __getstate__, __setstate__ = saved_state, restore_state
 
     def __init__(self, integrator: MidpointVI, t: ArrayLike, *, multipliers: bool = False) -> None:

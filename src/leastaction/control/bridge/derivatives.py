@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from leastaction.control.many import simulate_many
-from leastaction.errors import StepError
+from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.systems.midpoint import MidpointSystem
@@ -20,6 +20,8 @@ class BatchedSystem:
     """
 
     def __init__(self, system: DiscreteSystem) -> None:
+        if system.charts() is not None:
+            raise ArgumentError("system: its states are no plain vectors, expected some that are")
         self.system = system
         self.N, self.nx, self.nu = system.N, system.nx, system.nu
 

@@ -15,7 +15,7 @@ from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.limit_report import LimitState
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.quantity import Entries, Instants, Quantity, QuantityView, Samples
+from leastaction.optimal.quantity import Entries, Instants, Quantity, QuantityElsewhere, Samples
 
 
 class Points:
@@ -115,7 +115,7 @@ def _at_stage(quantity: Quantity, layout: NodeLayout, stage: int) -> Quantity:
     return AtStage(quantity, layout, stage)
 
 
-class AtStage(QuantityView):
+class AtStage(QuantityElsewhere):
     """A quantity of the continuous system at one point of every piece, as one of the discrete system's state."""
 
     def __init__(self, whole: Quantity, layout: NodeLayout, stage: int) -> None:

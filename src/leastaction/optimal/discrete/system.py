@@ -20,6 +20,7 @@ from leastaction.numerics.arrays import Array, as_array, read_only, shape_of
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.quantity import Entries, Later, Quantity
+from leastaction.optimal.remembered.quantity import InputRates
 from leastaction.optimal.system import Linearization, System
 
 FINAL_TIME = "final time"
@@ -71,6 +72,8 @@ class DiscreteSystem(System):
     """Number of steps of the horizon."""
     numbered = True
     """Limits may name instants by their index."""
+    beside: Mapping[str, str] = MappingProxyType({})
+    """Kinds of quantities that know names which another kind does not, by that kind."""
 
     @abstractmethod
     def f(self, x: Array, u: Array, k: int) -> Array:
@@ -127,6 +130,15 @@ class DiscreteSystem(System):
                 f"{type(self).__name__}.f: got {_shown(found)} for step {k}, expected the next state, ({self.nx},)"
             ) from None
         return None if np.isfinite(end).all() else f"step {k}: the state is not finite"
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        return (*super().quantities, "input rate")
+
+    def quantity(self, kind: str) -> Quantity:
+        if kind == "input rate":
+            return InputRates(self.input_names, range(self.nu), self.times)
+        return super().quantity(kind)
 
     def when(self, k: int) -> str:
         """Return how to speak of step k in messages; one that knows the time says it."""

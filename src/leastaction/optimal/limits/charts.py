@@ -9,7 +9,7 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.quantity import Instants, Quantity, QuantityView, Samples
+from leastaction.optimal.quantity import Instants, Quantity, QuantityView, Samples, wholes_apart
 from leastaction.optimal.space import StateSpace
 
 
@@ -20,8 +20,17 @@ class ChartedQuantity(QuantityView):
         super().__init__(whole)
         self.space, self.by_entries = space, False
 
+    def instants(self, k: Instants) -> Instants:
+        return k
+
     def columns(self, nx: int, nu: int) -> None:
         """Return None: it may depend on all."""
+
+    def values(self, at: Samples) -> Array:
+        return self.whole.values(at)
+
+    def apart(self, other: Quantity, k: Instants) -> Array | None:
+        return wholes_apart(self, other, k)
 
     def jacobian(self, at: Samples) -> Array:
         return np.asarray(self._whole(at) @ self._moves(at))

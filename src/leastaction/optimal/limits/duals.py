@@ -89,6 +89,7 @@ class Duals:
         self._hard = layout.columns.filled([float(side.hard) for side in self.sides]).flat > 0.0
         self._dear = np.where(self._equal, _DEAR_EQUAL, _DEAR)
         self._in_equations = layout.spread(self._equal)
+        self._has_equations = bool(self._equal.any())
         self._other = self._other_sides()
         self.prices, self.scales = np.empty(0), np.empty(0)  # of all entries
         self.dearest, self.cheapest = 0.0, np.inf  # prices of an excess of a limit's scale
@@ -217,7 +218,7 @@ class Duals:
     def net(self) -> Array:
         """Return the duals of all entries, of both sides of an equation their difference."""
         y = self.y.flat
-        return np.where(self._in_equations, y - y[self._other], y)
+        return np.where(self._in_equations, y - y[self._other], y) if self._has_equations else y
 
     def hopeless(self) -> bool:
         """Whether some limit is not enforced though its price is the dearest there is."""
@@ -237,12 +238,14 @@ class Duals:
         """
         layout, net, rho = self.layout, self.net(), self.rho.flat
         scale, most = self.scale.flat, dearest / self.scale.flat
-        binding, off = layout.largest(np.abs(net)) > _BINDING * rho, np.zeros(len(rho), dtype=np.bool_)
+        largest = layout.largest(np.abs(net))
+        binding, off = largest > _BINDING * rho, np.zeros(len(rho), dtype=np.bool_)
         if met is not None:
             off = layout.largest(-c.flat) > met * scale
         binding = (binding | off) & (rho < most)
-        wanted = self._dear * layout.largest(np.abs(net))
-        wanted = np.where(self._equal, np.maximum(wanted, kept / scale), wanted)
+        wanted = self._dear * largest
+        if self._has_equations:
+            wanted = np.where(self._equal, np.maximum(wanted, kept / scale), wanted)
         new = np.where(
             binding,
             np.minimum(_DEARER * rho, most),
@@ -254,10 +257,12 @@ class Duals:
         self.settle_prices()
         new, lower = self.prices, np.minimum(self.y.flat, 0.9 * self.prices)
         y = np.where(layout.spread(binding) & (c.flat < 0.0), first_duals(lower, new), lower)
-        halved = 0.5 * (new + _between(-0.9 * new, net, 0.9 * new))
-        # What differs by rounding only stays as it is, and with it what was computed with these duals.
-        other = self._in_equations & (np.abs(halved - self.y.flat) > _ROUNDING * new)
-        self.y = Sided(np.where(other, halved, np.where(self._in_equations, self.y.flat, y)), layout)
+        if self._has_equations:
+            halved = 0.5 * (new + _between(-0.9 * new, net, 0.9 * new))
+            # What differs by rounding only stays as it is, and with it what was computed with these duals.
+            other = self._in_equations & (np.abs(halved - self.y.flat) > _ROUNDING * new)
+            y = np.where(other, halved, np.where(self._in_equations, self.y.flat, y))
+        self.y = Sided(y, layout)
         return bool(binding.any())
 
     # ---- Reports --------------------------------------------------------------------------------

@@ -78,7 +78,8 @@ class Bound(Limit):
         For all names and instants, over the instants, for each of the m names too, or a function of the time (s).
         None is no bound. Of states n is N + 1, or N from the second instant on.
     of : str, optional
-        Which quantity of the system: "input" or "state"; of a `MidpointSystem` also "variable", "rate", "momentum",
+        Which quantity of the system: "input", "state"; in steps of time also "input rate", how fast inputs
+        change from the middle of a step to that of the next. Of a `MidpointSystem` also "variable", "rate", "momentum",
         "acceleration", "multiplier" and "tension", of a `MechanismSystem` all of these but "momentum". The first that
         knows the names, if left out.
     at : str, int, float or sequence, optional
@@ -230,7 +231,9 @@ def _matching(system: Horizon, names: str | Sequence[str], of: str | None, what:
     if not patterns:
         raise ArgumentError(f"{what}: got no names")
     known: list[str] = []
-    for kind in (of,) if of is not None else kinds:
+    more: Mapping[str, str] = getattr(system, "beside", {})
+    asked = kinds if of is None else (of, more[of]) if of in more else (of,)
+    for kind in asked:
         whole = system.quantity(kind)
         found = [whole.matching(pattern) for pattern in patterns]
         if all(found):
@@ -298,8 +301,7 @@ def _fixed(quantity: Quantity, at: When, first: int) -> bool:
 def _instants(system: Horizon, quantity: Quantity, at: When, first: int, what: str) -> Any:
     """Return the indices at which a quantity is asked, in the order in which they are given: values go with them."""
     start, last = system.span(of_state=quantity.of_state)
-    if quantity.of_state:
-        start = max(first, quantity.first)
+    start = max(first if quantity.of_state else start, quantity.first)
     if at is None:
         return np.arange(start, last + 1)
     found = []

@@ -9,7 +9,7 @@ import numpy as np
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import changed
-from leastaction.optimal.discrete.cost import CostGradient
+from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import ModelHessian, between
 from leastaction.optimal.iterates.direction import DiscreteDirection, Iterate
 from leastaction.optimal.iterates.here import Here
@@ -53,6 +53,7 @@ class BarrierMerit(Merit):
         self._gradient: CostGradient | None = None  # with the barriers
         self._weighed: tuple[float, ModelHessian] | None = None  # second derivatives, with a share of what bends
         self._central: bool | None = None  # whether the duals are near those of the barrier
+        self._enough: tuple[float, float, float] | None = None  # goal, noise, and the decrease that is small enough
         self.newton_change: Sided | None = None
         self.are_settled = False
 
@@ -67,16 +68,21 @@ class BarrierMerit(Merit):
         self._room = None
         self._forget_duals()
 
+    def replaced(self, cost: Cost) -> None:
+        """Have another cost from now on."""
+        self.cost, self.limited.cost, self._has_bends = cost, cost, None
+        self.forget()
+
     def forget_leeway(self) -> None:
         """Drop the values of the limits: they may have been lent other leeway."""
-        self._values = None
+        self._values = self._enough = None
 
     def forget_room(self) -> None:
         """Drop the room that they leave: prices may be others."""
-        self._room = None
+        self._room = self._enough = None
 
     def _forget_duals(self) -> None:
-        self._gradient = self._weighed = self._central = self.newton_change = None
+        self._gradient = self._weighed = self._central = self._enough = self.newton_change = None
         self.are_settled = False
 
     # ---- Values -----------------------------------------------------------------------------------
@@ -120,7 +126,11 @@ class BarrierMerit(Merit):
         """Return the expected decrease that is small enough at this stage, given what is so at the end."""
         if self._central is None:
             self._central = self.duals.are_central(self.room())
-        return self.stages.tolerated(goal, self.here.noise, self.limits(), central=self._central)
+        noise = self.here.noise
+        if self._enough is None or self._enough[:2] != (goal, noise):
+            enough = self.stages.tolerated(goal, noise, self.limits(), central=self._central)
+            self._enough = goal, noise, enough
+        return self._enough[2]
 
     # ---- Derivatives ------------------------------------------------------------------------------
 

@@ -98,16 +98,16 @@ class Beginning:
 
     def _set_out_from(self, initial: Any) -> None:
         """Stand at a start without limits: a curve or its projection, whichever is asked for and can be."""
-        if self.gapped == "never":
-            self.parts.stand_at(initial)
-            return
         x, u = given_start(self.parts.system, initial)
+        if self.gapped == "never":
+            self.parts.stand_at(x, u)
+            return
         begun = self.begun
         begun.given = Start(x, u)
         failure: ProjectionError | None = None
         if self.gapped == "where needed":
             try:
-                self.parts.stand_at((x, u))
+                self.parts.stand_at(x, u)
                 lost = x.ndim == 2 and self.parts.here.value > _LOST * self.parts.plain.cost.value(x, u)
                 begun.given = replace(begun.given, is_lost=lost)
                 return
@@ -119,7 +119,7 @@ class Beginning:
             if failure is not None:
                 raise failure
             self.note = f"projected at once, as {refusal.reason}"
-            self.parts.stand_at((x, u))
+            self.parts.stand_at(x, u)
         elif failure is not None:
             self.note = f"begins with gaps between its steps, as a projection is not possible ({failure})"
 
@@ -210,7 +210,7 @@ class Beginning:
         now = self.parts.place()
         self.parts.put_out()
         try:
-            self.parts.stand_at((x, u))
+            self.parts.stand_at(x, u)
         except LeastActionError:
             self.go_to(now)
             return False
@@ -226,7 +226,7 @@ class Beginning:
         """Begin the last stage at a trajectory; ``report``: of the limits there, where their duals are known."""
         self.parts.set_ease(1.0)
         self.parts.put_out()
-        self.parts.stand_at((x, u))
+        self.parts.stand_at(x, u)
         self.put_limits_in()
         if report is not None and self.parts.barrier is not None:
             self.parts.barrier.stages.take(report, resumed=False)
@@ -288,7 +288,7 @@ class Beginning:
             if begun.earlier is not None:
                 self.parts.here.value = np.inf
             elif begun.given is not None:
-                self.parts.stand_at((begun.given.x, begun.given.u))
+                self.parts.stand_at(begun.given.x, begun.given.u)
             else:
                 raise
         self.parts.models.forget()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from leastaction.errors import ProjectionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.own_projection import own_projection
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, given_start
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, told_of
 from leastaction.optimal.iterates.curve import CurveSteps
 from leastaction.optimal.iterates.free_start import FreeStart
 from leastaction.optimal.iterates.here import Here
@@ -110,6 +111,18 @@ class SearchParts:
         """Inputs (N, nu) of the iterate."""
         return self.here.u
 
+    def replace_cost(self, cost: Cost) -> None:
+        """Search with another cost from now on, from the beginning."""
+        self.asked = cost
+        if self.barrier is not None:
+            self.barrier.replaced(cost)
+        self.renew()
+
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """What results say of the system, which takes about as long to find as a model."""
+        return told_of(self.system)
+
     @property
     def shown(self) -> float:
         """The cost of the iterate as it is told: that was asked for, without what only guides the search."""
@@ -117,9 +130,8 @@ class SearchParts:
 
     # ---- Where it stands ------------------------------------------------------------------------
 
-    def stand_at(self, initial: Any) -> None:
-        """Stand at the projection of a start, with what is minimised now."""
-        x, u = given_start(self.system, initial)
+    def stand_at(self, x: Array, u: Array) -> None:
+        """Stand at the projection of a start, a curve or an initial state, with what is minimised now."""
         N, ndx, nu = self.system.N, self.system.ndx, self.system.nu
         made: Rollout | None = None
         if x.ndim == 1:

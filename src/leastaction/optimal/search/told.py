@@ -8,7 +8,6 @@ from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import changed
 from leastaction.optimal.discrete.linear_quadratic import regulate
-from leastaction.optimal.discrete.system import told_of
 from leastaction.optimal.memory import Memory
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.search.beginning import Begun
@@ -24,7 +23,7 @@ def told(parts: SearchParts, begun: Begun, summary: dict[str, Any]) -> Optimizat
     result = OptimizationResult(
         x=here.x, u=here.u, K=feedback, projection_gain=here.gain, gap=0.0 if curve is None else curve.gap,
         memory=_memory(parts, begun), limits=parts.report(before) if parts.rows else None,
-        **summary, **told_of(parts.system),
+        **summary, **parts.about,
     )  # fmt: skip
     if before is None:
         return result

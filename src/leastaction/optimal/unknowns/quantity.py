@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.quantity import Instants, Quantity, QuantityView, Samples
+from leastaction.optimal.quantity import Instants, Quantity, QuantityElsewhere, QuantityView, Samples, wholes_apart
 from leastaction.optimal.unknowns.system import ExtendedSystem, by_differences, stepped
 
 Of = Callable[[Any], Quantity]
@@ -48,6 +48,12 @@ class ExtendedQuantity(QuantityView):
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002 - those of the extended system
         """Return the places of the system's own entries, of the parameters, and of what is kept of the first state."""
         return self._columns
+
+    def instants(self, k: Instants) -> Instants:
+        return k
+
+    def apart(self, other: Quantity, k: Instants) -> Array | None:
+        return wholes_apart(self, other, k)
 
     def values(self, at: Samples) -> Array:
         own, values = self._split(at)
@@ -117,13 +123,16 @@ class ExtendedQuantity(QuantityView):
         return self.whole if self.fixed else self.of(self.system.near(values))
 
 
-class QuantityOfUnknowns(QuantityView):
+class QuantityOfUnknowns(QuantityElsewhere):
     """A quantity of the parameters, given as states (n, P), at those of the extended state."""
 
     def __init__(self, system: ExtendedSystem, whole: Quantity) -> None:
         super().__init__(whole)
         self.places, self.by_entries = np.arange(system.n_own, system.at_copies), False
         self.changes = np.arange(system.d_own, system.d_own + len(system.names))
+
+    def instants(self, k: Instants) -> Instants:
+        return k
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002 - those of the parameters
         return self.changes

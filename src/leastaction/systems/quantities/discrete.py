@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -10,9 +10,13 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples, names_of
+from leastaction.optimal.remembered.quantity import InputRates, LookingBack, Need
 from leastaction.systems.quantities.scaled import Scaled
 
-KINDS = ("input", "variable", "rate", "acceleration", "momentum", "multiplier", "tension", "state")
+KINDS = ("input", "variable", "rate", "acceleration", "momentum", "multiplier", "tension", "state", "input rate")
+
+ACROSS = "acceleration across"
+"""Of any variables, from the step before to a step: asked for where "acceleration" does not know the names."""
 
 
 def quantity_of(mechanism: Mechanism, kind: str, t: Array, *, multipliers: bool) -> Quantity:
@@ -31,6 +35,8 @@ def quantity_of(mechanism: Mechanism, kind: str, t: Array, *, multipliers: bool)
         )
     if kind == "input":
         return Entries(m.inputs, range(m.n_inputs), of_state=False)
+    if kind == "input rate":
+        return InputRates(m.inputs, range(m.n_inputs), t)
     if kind == "variable":
         return Entries(m.variables, range(m.nq), of_state=True)
     if kind == "momentum":
@@ -47,6 +53,8 @@ def quantity_of(mechanism: Mechanism, kind: str, t: Array, *, multipliers: bool)
         return Rates(m.variables, np.arange(m.nq), dt)
     if kind == "acceleration":
         return AccelerationQuantity(m, np.arange(m.nrho), dt)
+    if kind == ACROSS:
+        return AccelerationsAcross(m, np.arange(m.nq), dt)
     if kind == "tension":
         return Tensions(m, Scaled.tensions(m, 1.0), dt)
     raise ArgumentError(f"quantity: got {kind!r}, expected one of {', '.join(map(repr, KINDS))}")
@@ -122,6 +130,57 @@ class AccelerationQuantity(Quantity):
 
     def is_like(self, other: Quantity) -> bool:
         return isinstance(other, AccelerationQuantity) and np.array_equal(self.dt, other.dt)
+
+
+class AccelerationsAcross(LookingBack):
+    """Accelerations of variables: from the mean rate over a step before to that over a step, from middle to middle.
+
+    Those of kinematic variables are `AccelerationQuantity`: the state has their rates.
+    """
+
+    kind = "acceleration of"
+    looks_ahead = True
+
+    def __init__(
+        self, mechanism: Mechanism, which: Instants, dt: Array, memory: Mapping[Need, int] | None = None
+    ) -> None:
+        self.mechanism, self.which, self.dt, self.memory = mechanism, which, dt, memory
+        self.names = tuple(mechanism.variables[i] for i in which)
+
+    @property
+    def needs(self) -> tuple[Need, ...]:
+        return tuple(("state", int(i)) for i in self.which)
+
+    def remembering(self, memory: Mapping[Need, int]) -> AccelerationsAcross:
+        return AccelerationsAcross(self.mechanism, self.which, self.dt, memory)
+
+    def select(self, rows: Sequence[int]) -> AccelerationsAcross:
+        return AccelerationsAcross(self.mechanism, self.which[list(rows)], self.dt, self.memory)
+
+    def columns(self, nx: int, nu: int) -> Instants:
+        return np.concatenate([self.which, nx + self.remembered(), nx + nu + self.which])
+
+    def values(self, at: Samples) -> Array:
+        before, after, across = self._steps(at)
+        here = at.x[:, self.which]
+        rate, last = (at.x_next[:, self.which] - here) / after, (here - at.x[:, self.remembered()]) / before
+        return np.asarray((rate - last) / across)
+
+    def jacobian(self, at: Samples) -> Array:
+        before, after, across = (each[:, :, None] for each in self._steps(at))
+        each = np.eye(len(self.names)) / across
+        return np.concatenate([-each / after - each / before, each / before, each / after], axis=2)
+
+    def curvature(self, at: Samples, y: Array) -> None:
+        """Return None: they are linear."""
+
+    def is_like(self, other: Quantity) -> bool:
+        return isinstance(other, AccelerationsAcross) and np.array_equal(self.dt, other.dt)
+
+    def _steps(self, at: Samples) -> tuple[Array, Array, Array]:
+        """Return the lengths of the steps before and after, and the time between their middles (n, 1)."""
+        before, after = self.dt[at.k - 1, None], self.dt[at.k, None]
+        return before, after, 0.5 * (before + after)
 
 
 class Tensions(Quantity):

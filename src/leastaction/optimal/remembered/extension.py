@@ -1,0 +1,109 @@
+"""An optimisation within limits that look back, as one of a system that remembers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+
+from leastaction.numerics.arrays import Array, as_array, read_only
+from leastaction.optimal.cost import as_weight
+from leastaction.optimal.discrete.cost import Cost
+from leastaction.optimal.discrete.system import DiscreteSystem, told_of
+from leastaction.optimal.initial import pair_of
+from leastaction.optimal.limits.limit import Bound, FromSecond, Horizon, Limit
+from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.loop import Callback
+from leastaction.optimal.options import Options
+from leastaction.optimal.remembered.cost import RememberedCost
+from leastaction.optimal.remembered.quantity import Need, needs_of
+from leastaction.optimal.remembered.system import RememberingSystem
+from leastaction.optimal.result import IterationRecord, OptimizationResult
+from leastaction.optimal.unknowns.periodic import Periodic
+
+_LOOK_BACK = ("input rate", "acceleration")  # kinds of quantities that may need the step before
+
+
+def needed_by(limits: Sequence[Limit], system: DiscreteSystem, first: int) -> list[Need]:
+    """Return what some limits of a system need to be remembered: inputs first."""
+    found: set[Need] = set()
+    for limit in limits:
+        stated = limit.limit if isinstance(limit, FromSecond) else limit
+        if getattr(stated, "of", None) in _LOOK_BACK:
+            found.update(need for row in limit.rows(cast(Horizon, system), first) for need in needs_of(row.quantity))
+    return sorted(found)
+
+
+@dataclass(frozen=True)
+class OwnLimit(Limit):
+    """A limit that is stated of a system, for one that remembers."""
+
+    limit: Limit
+
+    def __str__(self) -> str:
+        return str(self.limit)
+
+    def rows(self, system: Any, first: int) -> list[Rows]:
+        # Names are looked up by a system that remembers; what is a quantity already is of its own states.
+        if not isinstance(system, RememberingSystem):
+            return self.limit.rows(system, first)
+        rows = self.limit.rows(system.system, first)
+        return [replace(row, quantity=system.looking(row.quantity)) for row in rows]
+
+
+class Remembered:
+    """The system that remembers and its cost, and the way there and back for all that is given and returned."""
+
+    def __init__(self, system: DiscreteSystem, cost: Cost, limits: Sequence[Limit], needs: Sequence[Need]) -> None:
+        self.own = system
+        self.system = RememberingSystem(system, needs)
+        self.cost = RememberedCost(cost, self.system)
+        self.limits: list[Limit] = [each if isinstance(each, Bound | Periodic) else OwnLimit(each) for each in limits]
+
+    def settings(self, given: Options) -> Options:
+        """Return options for the system that remembers: a projection acts on the system's own states."""
+        projection, N, n = given.projection, self.own.N, self.own.ndx
+        if projection is None:
+            return given
+        more = len(self.system.needs)
+        if not isinstance(projection, Mapping):
+            K = as_array(projection, "projection", (N, self.own.nu, n), meaning="(N, nu, nx), gains")
+            return given.changed(projection=np.concatenate([K, np.zeros((*K.shape[:2], more))], axis=2))
+        weights = dict(projection)
+        for name in {"Q", "Q_final"}.intersection(weights):
+            stages = None if name == "Q_final" else N
+            weights[name] = self.cost.weight(as_weight(weights[name], name, n, stages=stages, definite=False))
+        return given.changed(projection=weights)
+
+    def start(self, initial: Any) -> Any:
+        """Return a start for the system that remembers."""
+        if isinstance(initial, OptimizationResult):
+            return self.resume(initial)
+        x, u = pair_of(initial)
+        N, nx = self.own.N, self.own.nx
+        states = as_array(x, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
+        inputs = as_array(u, "initial u", (N, self.own.nu), meaning="(N, nu)")
+        return self.system.extended(states, inputs), inputs
+
+    def resume(self, result: OptimizationResult) -> OptimizationResult:
+        """Return an earlier result as one of the system that remembers."""
+        return replace(result, x=read_only(self.system.extended(np.asarray(result.x), np.asarray(result.u))))
+
+    def callback(self, given: Callback | None) -> Callback | None:
+        """Return a callback that tells the given one of the system's own states."""
+        if given is None:
+            return None
+
+        def tell(record: IterationRecord) -> object:
+            own: Array = read_only(self.system.own(record.x))
+            return given(replace(record, x=own, snapshot=lambda: self.result(record.snapshot())))
+
+        return tell
+
+    def result(self, found: OptimizationResult) -> OptimizationResult:
+        """Return a result in the system's own states; its feedback is what of the gains acts on these."""
+        system = self.own.with_parameters(found.unknowns) if found.unknowns else self.own
+        K = np.ascontiguousarray(found.K[:, :, : self.own.ndx])
+        return replace(found, **told_of(system), x=read_only(self.system.own(found.x)), K=K)

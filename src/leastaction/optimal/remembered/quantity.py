@@ -1,0 +1,126 @@
+"""Quantities of a step and of the one before, such as how fast inputs change."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Self
+
+import numpy as np
+
+from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import Array, read_only
+from leastaction.optimal.quantity import Instants, Quantity, QuantityElsewhere, QuantityView, Samples
+
+Need = tuple[str, int]
+"""What is remembered of the step before: ("input", i) what was applied, ("state", i) where it began."""
+
+
+class LookingBack(Quantity):
+    """Linear functions of a step that need some of the one before; the first step has none.
+
+    ``memory``: where what is needed is remembered, in places from the end of a state; None of a system that does not,
+    until `optimize` makes one that does.
+    """
+
+    first = 1
+    memory: Mapping[Need, int] | None = None
+
+    @property
+    @abstractmethod
+    def needs(self) -> tuple[Need, ...]:
+        """What has to be remembered, one for each function."""
+
+    @abstractmethod
+    def remembering(self, memory: Mapping[Need, int]) -> Self:
+        """Return the same where that is remembered, as far as it is."""
+
+    def remembered(self) -> Instants:
+        """Return where what is needed stands, in places from the end of a state.
+
+        Raises
+        ------
+        ArgumentError
+            If it is not remembered.
+        """
+        if self.memory is None:
+            raise ArgumentError(
+                f"{self.kind} {self.names[0]!r}: it depends on the step before, which is no part of the state: only "
+                "`optimize` limits it"
+            )
+        return np.array([self.memory[need] for need in self.needs], dtype=np.intp)
+
+
+class InputRates(LookingBack):
+    """Rates of inputs from the middle of a step before to that of a step, ``2 (u_k - u_{k-1}) / (t_{k+1} - t_{k-1})``.
+
+    ``places``: of the inputs. ``times`` (N+1,): of the instants (s).
+    """
+
+    kind = "rate of"
+
+    def __init__(
+        self, names: Sequence[str], places: Sequence[int], times: Array, memory: Mapping[Need, int] | None = None
+    ) -> None:
+        self.names, self.places, self.memory = tuple(names), np.array(places, dtype=np.intp), memory
+        self.times = read_only(times.copy())
+
+    @property
+    def needs(self) -> tuple[Need, ...]:
+        return tuple(("input", int(i)) for i in self.places)
+
+    def remembering(self, memory: Mapping[Need, int]) -> InputRates:
+        return InputRates(self.names, self.places.tolist(), self.times, memory)
+
+    def select(self, rows: Sequence[int]) -> InputRates:
+        chosen = [int(self.places[row]) for row in rows]
+        return InputRates([self.names[row] for row in rows], chosen, self.times, self.memory)
+
+    def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
+        return np.concatenate([nx + self.remembered(), nx + self.places])
+
+    def values(self, at: Samples) -> Array:
+        return np.asarray((at.u[:, self.places] - at.x[:, self.remembered()]) / self._lasts(at))
+
+    def jacobian(self, at: Samples) -> Array:
+        each = np.eye(len(self.names)) / self._lasts(at)[:, :, None]
+        return np.concatenate([-each, each], axis=2)
+
+    def curvature(self, at: Samples, y: Array) -> None:
+        """Return None: they are linear."""
+
+    def is_like(self, other: Quantity) -> bool:
+        return isinstance(other, InputRates) and np.array_equal(self.times, other.times)
+
+    def _lasts(self, at: Samples) -> Array:
+        return np.asarray(0.5 * (self.times[at.k + 1] - self.times[at.k - 1])[:, None])
+
+
+class OwnQuantity(QuantityElsewhere):
+    """A quantity of a system, of the states (nx,) of one that remembers: its own come first."""
+
+    def __init__(self, whole: Quantity, sizes: tuple[int, int, int]) -> None:
+        super().__init__(whole)
+        self.nx, self.ndx, self.nu = sizes
+
+    def instants(self, k: Instants) -> Instants:
+        return k
+
+    def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002 - of the system that remembers
+        n, more = self.ndx, nx - self.ndx
+        own = self.whole.columns(n, self.nu)
+        if own is None:
+            own = np.arange(n if self.of_state else 2 * n + self.nu if self.looks_ahead else n + self.nu)
+        # Inputs stand behind what is remembered, next states behind both.
+        return np.asarray(own + more * (own >= n))
+
+    def seen(self, at: Samples) -> Samples:
+        x_next = at.x_next[:, : self.nx] if at.x_next.shape[1] else at.x_next
+        return at._replace(x=at.x[:, : self.nx], x_next=x_next)
+
+
+def needs_of(quantity: Quantity) -> tuple[Need, ...]:
+    """Return what a quantity needs to be remembered; mostly nothing."""
+    while isinstance(quantity, QuantityView):
+        quantity = quantity.whole
+    return quantity.needs if isinstance(quantity, LookingBack) else ()

@@ -1,0 +1,209 @@
+"""A system whose state also holds what it did in the step before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import replace
+from typing import Any, cast
+
+import numpy as np
+
+from leastaction.numerics.arrays import Array
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, linearized
+from leastaction.optimal.quantity import Entries, Quantity
+from leastaction.optimal.remembered.quantity import LookingBack, Need, OwnQuantity, needs_of
+from leastaction.optimal.space import ProductSpace, Vectors
+from leastaction.optimal.system import Linearization
+
+
+class RememberingSystem(DiscreteSystem):
+    """A system with state ``[x; m]``, where m are inputs of the step before, and entries of the state it began with.
+
+    ``needs``: what is remembered, inputs first. As fit for several threads as the system is.
+    """
+
+    def __init__(self, system: DiscreteSystem, needs: Sequence[Need]) -> None:
+        self.system, self.needs = system, tuple(needs)
+        self.n_own, self.d_own, self.N, self.nu = system.nx, system.ndx, system.N, system.nu
+        self.nx, self.has_curvature = system.nx + len(needs), system.has_curvature
+        charts = system.charts()
+        if charts is not None:
+            self.space = ProductSpace(charts, Vectors(len(needs)))
+        self.inputs = np.array([i for kind, i in needs if kind == "input"], dtype=np.intp)
+        self.states = np.array([i for kind, i in needs if kind == "state"], dtype=np.intp)
+
+    # ---- Its state --------------------------------------------------------------------------------
+
+    def own(self, x: Array) -> Array:
+        """Return the system's own states."""
+        return np.ascontiguousarray(x[..., : self.n_own])
+
+    def extended(self, x: Array, u: Array) -> Array:
+        """Return states (nx,) or (N+1, nx) of the system with what was before them; nothing before the first."""
+        memory = np.zeros((*x.shape[:-1], len(self.needs)))
+        if x.ndim == 2:
+            memory[1:] = self._left(x[:-1], u)
+        return np.concatenate([x, memory], axis=-1)
+
+    def _left(self, x: Array, u: Array) -> Array:
+        """Return what is remembered (..., m) of steps from x with u."""
+        return np.concatenate([u[..., self.inputs], x[..., self.states]], axis=-1)
+
+    def _with(self, ends: Array, x: Array, u: Array) -> Array:
+        return np.concatenate([ends, self._left(x, u)], axis=-1)
+
+    # ---- Steps ------------------------------------------------------------------------------------
+
+    def f(self, x: Array, u: Array, k: int) -> Array:
+        return self._with(self.system.f(self.own(x), u, k), x, u)
+
+    def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
+        A, B = self.system.derivatives(self.own(x), u, k)
+        A, B = self._padded(A[None], B[None])
+        return A[0], B[0]
+
+    def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
+        own = self.system.curvature(self.own(x), u, k, np.ascontiguousarray(z[: self.d_own]))
+        return np.asarray(self._bent(own[None])[0])
+
+    def step_each(self, x: Array, u: Array) -> Rollout:
+        made = self.system.step_each(self.own(x), u)
+        n = len(made.x)
+        return replace(made, x=self._with(made.x, x[:n], u[:n]))
+
+    def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
+        return self._around(linearized(self.system, self.own(x), u, None if out is None else out.memory))
+
+    def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
+        return self._around(self.system.linearize_each(self.own(x), u, self.own(ends)))
+
+    def _around(self, own: Linearization) -> Linearization:
+        A, B = self._padded(own.A, own.B)
+
+        def second(z: Array) -> Array:
+            return self._bent(own.curvature(np.ascontiguousarray(z[:, : self.d_own])))
+
+        pattern = None
+        if own.pattern is not None:
+            d = self.d_own
+            of_A, of_B = self._padded(own.pattern[None, :, :d].astype(float), own.pattern[None, :, d:].astype(float))
+            pattern = np.concatenate([of_A[0], of_B[0]], axis=1) != 0.0
+        return Linearization(A, B, second, own, pattern)
+
+    def _padded(self, A: Array, B: Array) -> tuple[Array, Array]:
+        d, m = self.d_own, len(self.inputs)
+        whole, inputs = np.zeros((len(A), self.ndx, self.ndx)), np.zeros((len(B), self.ndx, self.nu))
+        whole[:, :d, :d], inputs[:, :d] = A, B
+        inputs[:, d + np.arange(m), self.inputs] = 1.0
+        whole[:, d + m + np.arange(len(self.states)), self.states] = 1.0
+        return whole, inputs
+
+    def _bent(self, own: Array, more: int = 0) -> Array:
+        """Return second derivatives by (x, u, ...) of the system as those by ([x; m], u, ...); ``more`` behind u."""
+        n, d = self.ndx + self.nu + more, self.d_own
+        at = np.concatenate([np.arange(d), self.ndx + np.arange(self.nu + more)])
+        whole = np.zeros((len(own), n, n))
+        whole[:, at[:, None], at] = own
+        return whole
+
+    # ---- Its start --------------------------------------------------------------------------------
+
+    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
+        return self._above(self.system.start_directions(self.own(x), free))
+
+    def moved_start(self, x: Array, dx: Array) -> Array:
+        own = self.system.moved_start(self.own(x), np.ascontiguousarray(dx[: self.d_own]))
+        return np.concatenate([own, x[self.n_own :]])
+
+    def check_start(self, x: Array) -> None:
+        self.system.check_start(self.own(x))
+
+    def idle_directions(self, x: Array) -> Array:
+        return self._above(self.system.idle_directions(self.own(x)))
+
+    def unknowns_along(self, dx: Array) -> list[str]:
+        return self.system.unknowns_along(dx[: self.d_own])
+
+    def _above(self, rows: Array) -> Array:
+        """Return directions (ndx, n), given the system's own."""
+        return np.vstack([rows, np.zeros((len(self.needs), rows.shape[1]))])
+
+    # ---- Parameters -------------------------------------------------------------------------------
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        return self.system.parameters
+
+    def with_parameters(self, values: Mapping[str, float]) -> DiscreteSystem:
+        return RememberingSystem(self.system.with_parameters(values), self.needs)
+
+    def with_parameters_near(self, values: Mapping[str, float]) -> DiscreteSystem:
+        return RememberingSystem(self.system.with_parameters_near(values), self.needs)
+
+    def conditions_of(self, names: Sequence[str]) -> list[Quantity]:
+        return self.system.conditions_of(names)
+
+    def differentiate_by(self, x: Array, u: Array, names: Sequence[str], start: int = 0) -> Array:
+        own = self.system.differentiate_by(self.own(x), u, names, start)
+        return np.concatenate([own, np.zeros((len(own), len(self.needs), own.shape[2]))], axis=1)
+
+    def curvature_by_parameters(
+        self, x: Array, u: Array, z: Array, names: Sequence[str], start: int = 0
+    ) -> Array | None:
+        weights = np.ascontiguousarray(z[:, : self.d_own])
+        own = self.system.curvature_by_parameters(self.own(x), u, weights, names, start)
+        if own is None:
+            return None
+        nothing = np.zeros((*own.shape[:2], len(self.needs)))
+        return np.concatenate([own[:, :, : self.d_own], nothing, own[:, :, self.d_own :]], axis=2)
+
+    def curvature_by_final_time(self, x: Array, u: Array, z: Array, start: int = 0) -> Array | None:
+        weights = np.ascontiguousarray(z[:, : self.d_own])
+        own = self.system.curvature_by_final_time(self.own(x), u, weights, start)
+        return None if own is None else self._bent(own, 1)
+
+    def start_by_parameters(self, x: Array, names: Sequence[str], free: bool | Sequence[str]) -> Array:
+        return self._above(self.system.start_by_parameters(self.own(x), names, free))
+
+    # ---- What it is asked -------------------------------------------------------------------------
+
+    def when(self, k: int) -> str:
+        return self.system.when(k)
+
+    def time(self, k: int) -> float:
+        return self.system.time(k)
+
+    def input_name(self, i: int) -> str:
+        return self.system.input_name(i)
+
+    def instant(self, t: float, what: str) -> int:
+        return self.system.instant(t, what)
+
+    def resolved_rates(self) -> tuple[tuple[str, ...], Array] | None:
+        return self.system.resolved_rates()
+
+    def returning_entries(self, names: Sequence[str], what: str) -> list[int]:
+        return self.system.returning_entries(names, what)
+
+    @property
+    def beside(self) -> Mapping[str, str]:  # type: ignore[override]
+        """Kinds of quantities that know names which another kind does not: those of the system."""
+        return self.system.beside
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        return self.system.quantities
+
+    def quantity(self, kind: str) -> Quantity:
+        return self.looking(self.system.quantity(kind))
+
+    def looking(self, whole: Quantity) -> Quantity:
+        """Return a quantity of the system as one of the states with a memory."""
+        if isinstance(whole, LookingBack):
+            return whole.remembering({need: i - len(self.needs) for i, need in enumerate(self.needs)})
+        if needs_of(whole):  # a view of one
+            other: Any = copy(whole)
+            other.whole = self.looking(other.whole)
+            return cast(Quantity, other)
+        return whole if isinstance(whole, Entries) else OwnQuantity(whole, (self.n_own, self.d_own, self.nu))
