@@ -179,3 +179,25 @@ def test_what_is_wrong_is_said():
             KalmanFilter(system, **{**good, **change})
     with pytest.raises(ArgumentError, match="y: got nan"):
         KalmanFilter(system, **good).correct([np.nan, 0.0, 0.0, 0.0])
+
+
+def test_what_is_read_may_be_names_a_matrix_a_function_or_a_quantity():
+    """Markers on the links, and angles, whichever way they are given."""
+    system = MidpointSystem(MidpointVI(arm()), np.linspace(0.0, 0.2, 11))
+    x0, m = np.array([0.3, -0.2, 0.0, 0.0]), arm()
+    ways = [["a", "b"], np.eye(4)[:2], lambda x: x[:2], system.quantity("state").select([0, 1])]
+    found = []
+    for measure in ways:
+        kalman = KalmanFilter(system, measure=measure, noise=0.01, process=0.01, x=x0, spread=0.1)
+        found.append(kalman.correct([0.31, -0.22]).copy())
+    for other in found[1:]:
+        np.testing.assert_allclose(other, found[0], atol=1e-9)
+
+    def marker(x: np.ndarray) -> np.ndarray:
+        return m.positions(x[:2], ["rx(b)/tz(-0.8)"])[0]
+
+    start = x0 + np.array([0.02, 0.02, 0.0, 0.0])
+    kalman = KalmanFilter(system, measure=marker, noise=1e-3, process=0.01, x=start, spread=0.1)
+    for _ in range(6):
+        kalman.correct(marker(x0))
+    np.testing.assert_allclose(marker(kalman.x), marker(x0), atol=1e-3)
