@@ -197,6 +197,7 @@ class QuantityView(Quantity):
         self.whole = whole
         self.names, self.kind, self.unit, self.first = whole.names, whole.kind, whole.unit, whole.first
         self.of_state, self.looks_ahead, self.says_all = whole.of_state, whole.looks_ahead, whole.says_all
+        self.by_entries = whole.by_entries
 
     @abstractmethod
     def instants(self, k: Instants) -> Instants:

@@ -19,8 +19,8 @@ from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, as_array, read_only, shape_of
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.initial import pair_of
+from leastaction.optimal.looking_back import InputRates
 from leastaction.optimal.quantity import Entries, Later, Quantity
-from leastaction.optimal.remembered.quantity import InputRates
 from leastaction.optimal.system import Linearization, System
 
 FINAL_TIME = "final time"

@@ -15,10 +15,10 @@ from leastaction.optimal.discrete.system import DiscreteSystem, told_of
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.limits.limit import Bound, FromSecond, Horizon, Limit
 from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.looking_back import Need, needs_of
 from leastaction.optimal.loop import Callback
 from leastaction.optimal.options import Options
 from leastaction.optimal.remembered.cost import RememberedCost
-from leastaction.optimal.remembered.quantity import Need, needs_of
 from leastaction.optimal.remembered.system import RememberingSystem
 from leastaction.optimal.result import IterationRecord, OptimizationResult
 from leastaction.optimal.unknowns.periodic import Periodic

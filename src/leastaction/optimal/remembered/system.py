@@ -11,8 +11,8 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, linearized
+from leastaction.optimal.looking_back import LookingBack, Need, OwnQuantity, needs_of
 from leastaction.optimal.quantity import Entries, Quantity
-from leastaction.optimal.remembered.quantity import LookingBack, Need, OwnQuantity, needs_of
 from leastaction.optimal.space import ProductSpace, Vectors
 from leastaction.optimal.system import Linearization
 
