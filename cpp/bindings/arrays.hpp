@@ -82,6 +82,31 @@ inline std::vector<double> to_internal(const Mechanism& m, const In<1>& values, 
     return to_internal(m, values.data());
 }
 
+// A configuration in the user's order as an internal q: that of the variables, then the quaternions of balls.
+inline void write_configuration(const Mechanism& m, const double* values, std::vector<double>& out) {
+    out.resize(m.n_coordinates());
+    for (int i = 0; i < m.n_variables(); ++i) out[i] = values[m.places[i]];
+    for (const Ball& ball : m.balls) {
+        std::fill_n(&out[ball.variable], 3, 0.0);
+        std::copy_n(values + ball.place, 4, &out[ball.quaternion]);
+    }
+}
+inline std::vector<double> configuration_of(const Mechanism& m, const double* values) {
+    std::vector<double> out;
+    write_configuration(m, values, out);
+    return out;
+}
+inline std::vector<double> configuration_of(const Mechanism& m, const In<1>& values, const char* what) {
+    expect(values.size(), m.n_configuration(), what);
+    return configuration_of(m, values.data());
+}
+
+// For what is not defined, or not done yet, where a rotation is a quaternion.
+inline void expect_no_balls(const Mechanism& m, const char* what) {
+    if (!m.balls.empty())
+        throw std::invalid_argument(std::string(what) + ": not of a mechanism with rotations that are quaternions");
+}
+
 // Some of the entries of a list, those of the parts of one element, or all.
 template <class List>
 List some_of(const List& all, const std::optional<ElementParts>& parts, int ElementCounts::* kind) {

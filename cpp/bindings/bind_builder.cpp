@@ -178,6 +178,8 @@ void bind_builder(nb::module_& module) {
             "parent"_a, "pose"_a, "twist"_a, "variable"_a, "factor"_a = 1.0, "offset"_a = 0.0)
         .def("couple_joint", &MechanismBuilder::couple_joint, "joint"_a, "variable"_a, "factor"_a,
              "Adds a term to the coordinate of a joint.")
+        .def("add_ball", &MechanismBuilder::add_ball, "joint"_a,
+             "Makes this joint and the next two, rx, ry and rz, a ball whose rotation is a unit quaternion.")
         .def(
             "add_body",
             [](MechanismBuilder& b, int joint, double mass, const In<1>& com, const In<2>& inertia) {

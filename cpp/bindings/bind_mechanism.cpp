@@ -67,7 +67,10 @@ private:
 };
 
 WholeLagrangian<double> point_at(const Mechanism& m, const In<1>& q, const In<1>& v) {
-    return {m, to_internal(m, q, "q"), to_internal(m, v, "v")};
+    return {m, configuration_of(m, q, "q"), to_internal(m, v, "v")};
+}
+WholeLagrangian<double> at_rest(const Mechanism& m, const In<1>& q) {
+    return {m, configuration_of(m, q, "q"), std::vector<double>(m.n_variables())};
 }
 
 std::vector<Dual<double>> duals(const Mechanism& m, const double* x, const double* dx) {
@@ -88,7 +91,7 @@ struct ConstraintRows {
 
 ConstraintRows constraints_at(const Mechanism& m, const In<1>& q) {
     const int nq = m.n_variables(), nc = m.n_constraints();
-    const std::vector<double> internal = to_internal(m, q, "q");
+    const std::vector<double> internal = configuration_of(m, q, "q");
     Placement<double> at(m);
     place(m.constraint_joints, internal.data(), at);
     ConstraintRows out{std::vector<double>(nc), std::vector<double>(static_cast<std::size_t>(nc) * nq)};
@@ -104,13 +107,15 @@ ConstraintRows constraints_at(const Mechanism& m, const In<1>& q) {
 // `write(out, joint)` for every joint of every configuration; `size` doubles each.
 template <class Write>
 void at_every_joint(const Mechanism& m, const In<2>& q, std::size_t size, double* out, const Write& write) {
-    const std::size_t nj = m.joints.size(), nq = m.n_variables();
+    const std::size_t nj = m.joints.size(), nq = m.n_configuration();
     expect(q.shape(1), nq, "q");
     Placement<double> at(m);
     std::vector<int> all(nj);
     std::iota(all.begin(), all.end(), 0);
+    std::vector<double> q_k;
     for (std::size_t k = 0; k < q.shape(0); ++k) {
-        place(all, to_internal(m, q.data() + k * nq).data(), at);
+        write_configuration(m, q.data() + k * nq, q_k);
+        place(all, q_k.data(), at);
         for (std::size_t j = 0; j < nj; ++j, out += size) write(out, at, static_cast<int>(j));
     }
 }
@@ -138,6 +143,7 @@ Out joint_twists(const Mechanism& m, const In<2>& q) {
 
 Out constraint_hessian(const Mechanism& m, const In<1>& q, const In<1>& lam) {
     expect(lam.size(), m.n_constraints(), "lam");
+    expect_no_balls(m, "second derivatives of constraints");
     const std::size_t n = m.n_variables();
     const std::vector<double> internal = to_internal(m, q, "q");
     Placement<double> at(m);
@@ -157,7 +163,7 @@ struct Forces {
     Forces(const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u, Order order,
            const std::optional<ElementParts>& parts)
         : m(m), n(m.n_variables()) {
-        const std::vector<double> Q = to_internal(m, q, "q"), V = to_internal(m, v, "v");
+        const std::vector<double> Q = configuration_of(m, q, "q"), V = to_internal(m, v, "v");
         expect(u.size(), m.n_inputs, "u");
         const std::size_t r = m.n_inputs;
         f = zeros({n});
@@ -198,6 +204,7 @@ Out force_curvature(const Mechanism& m, const In<1>& q, const In<1>& v, const In
                     const std::optional<ElementParts>& parts) {
     const std::size_t n = m.n_variables(), r = m.n_inputs, size = 2 * n + r;
     expect(u.size(), r, "u");
+    expect_no_balls(m, "second derivatives of forces");
     const std::vector<double> Q = to_internal(m, q, "q"), V = to_internal(m, v, "v"), MU = to_internal(m, mu, "mu");
     const auto along_v = duals(m, q.data(), v.data()), along_mu = duals(m, q.data(), mu.data());
     Placement<double> at(m);
@@ -253,6 +260,7 @@ void bind_mechanism(nb::module_& module) {
             },
             "numbers"_a, "The same mechanism with other numbers of its elements, but for those of gravity.")
         .def_prop_ro("n_constraints", &Mechanism::n_constraints)
+        .def_prop_ro("n_configuration", &Mechanism::n_configuration)
         .def_prop_ro("n_joints", [](const Mechanism& m) { return m.joints.size(); })
         .def("joint_poses", &joint_poses, "q"_a, "Poses (N, n_joints, 4, 4) of the joints' moved frames at q (N, nq).")
         .def("joint_twists", &joint_twists, "q"_a,
@@ -262,7 +270,7 @@ void bind_mechanism(nb::module_& module) {
             [](const Mechanism& m, const In<1>& q, const In<1>& v) { return point_at(m, q, v).kinetic_energy(); },
             "q"_a, "v"_a, "Kinetic energy in joules.")
         .def(
-            "potential_energy", [](const Mechanism& m, const In<1>& q) { return point_at(m, q, q).potential_energy(); },
+            "potential_energy", [](const Mechanism& m, const In<1>& q) { return at_rest(m, q).potential_energy(); },
             "q"_a, "Potential energy in joules, of gravity and all other potentials.")
         .def(
             "gradient",
@@ -277,7 +285,7 @@ void bind_mechanism(nb::module_& module) {
         .def(
             "inertias",
             [](const Mechanism& m, const In<1>& q) {
-                WholeLagrangian<double> point = point_at(m, q, q);
+                WholeLagrangian<double> point = at_rest(m, q);
                 std::vector<double> inertias(m.n_variables());
                 point.composites();
                 point.inertias(inertias.data());
@@ -287,6 +295,7 @@ void bind_mechanism(nb::module_& module) {
         .def(
             "third",
             [](const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& dq, const In<1>& dv) {
+                expect_no_balls(m, "third derivatives of the Lagrangian");
                 for (const auto* a : {&q, &v, &dq, &dv}) expect(a->size(), m.n_variables(), "argument");
                 return WholeLagrangian<Dual<double>>(m, duals(m, q.data(), dq.data()), duals(m, v.data(), dv.data()))
                     .second();

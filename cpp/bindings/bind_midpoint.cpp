@@ -12,6 +12,7 @@
 
 #include "bindings/arrays.hpp"
 #include "discrete/energy.hpp"
+#include "discrete/layout.hpp"
 #include "discrete/linearization.hpp"
 #include "discrete/trajectory.hpp"
 
@@ -86,7 +87,7 @@ RollOutResult roll_out_from(const Midpoint& midpoint, const In<1>& t, const In<1
     }
     if (K) {
         if (!xbar) throw std::invalid_argument("feedback gains need a nominal trajectory xbar");
-        expect(K->size(), N * nu * nx, "K");
+        expect(K->size(), N * nu * m.n_tangent(), "K");
     }
     Out X = new_array({N + 1, nx}), U = new_array({N, nu}), lam = new_array({N, nc});
     Out energies = new_array({with_energies ? N : 0, EnergyRows::width});
@@ -163,7 +164,7 @@ template <class Make>
 View hessians(const Linearization& of, const In<2>& w, std::initializer_list<std::size_t> shape, const Make& make) {
     const std::size_t weights = w.shape(1);
     expect(w.shape(0), of.steps, "w");
-    if (weights != static_cast<std::size_t>(of.nx)) expect(weights, of.nx + of.nc, "weights");
+    if (weights != static_cast<std::size_t>(of.ndx)) expect(weights, of.ndx + of.nc, "weights");
     using Memory = std::shared_ptr<const LargeArray>;
     std::unique_ptr<Memory> H;
     {
@@ -177,7 +178,7 @@ View hessians(const Linearization& of, const In<2>& w, std::initializer_list<std
 }
 
 View curvature(const Linearization& of, const In<2>& w, bool multipliers, int threads) {
-    const std::size_t N = of.steps, n = of.nx + of.nu + (multipliers ? of.nc : 0);
+    const std::size_t N = of.steps, n = of.ndx + of.nu + (multipliers ? of.nc : 0);
     return hessians(of, w, {N, n, n},
                     [&](int weights) { return of.curvature(w.data(), weights, multipliers, threads); });
 }
@@ -196,7 +197,7 @@ ParameterDerivatives by_parameters(const Midpoint& midpoint, const In<1>& t, con
                                    std::optional<int> time_step, int threads, double first_share) {
     const Mechanism& m = midpoint.mechanism();
     const std::size_t N = check(m, t, x, u), P = directions.shape(0), n = m.numbers.size();
-    const std::size_t nx = m.n_states(), nc = m.n_constraints();
+    const std::size_t nx = m.n_tangent(), nc = m.n_constraints();
     expect(directions.shape(1), n, "direction");
     std::vector<Parameter> parameters(P);
     for (std::size_t k = 0; k < P; ++k) {
@@ -220,6 +221,7 @@ Out curvature_by_length(const Midpoint& midpoint, const In<1>& t, const In<2>& x
                         bool multipliers, int threads, double first_share) {
     const Mechanism& m = midpoint.mechanism();
     const std::size_t N = check(m, t, x, u), nx = m.n_states(), weights = w.shape(1);
+    expect_no_balls(m, "second derivatives by the time step or numbers");
     expect(w.shape(0), N, "w");
     if (weights != nx) expect(weights, nx + m.n_constraints(), "weights");
     const std::size_t n = nx + m.n_controls() + (multipliers ? m.n_constraints() : 0) + 1;
@@ -235,6 +237,7 @@ Out curvature_by_directions(const Midpoint& midpoint, const In<1>& t, const In<2
                             const In<2>& directions, int threads, double first_share) {
     const Mechanism& m = midpoint.mechanism();
     const std::size_t N = check(m, t, x, u), nx = m.n_states(), weights = w.shape(1), P = directions.shape(0);
+    expect_no_balls(m, "second derivatives by the time step or numbers");
     expect(w.shape(0), N, "w");
     if (weights != nx) expect(weights, nx + m.n_constraints(), "weights");
     expect(directions.shape(1), m.numbers.size(), "direction");
@@ -257,8 +260,10 @@ nb::tuple momenta(const Midpoint& midpoint, const In<1>& q1, const In<1>& q2, co
     expect(u.size(), m.n_inputs, "u");
     auto workspace = midpoint.workspace();
     MidpointStep& step = workspace->step;
-    step.q1 = to_internal(m, q1, "q1");
-    step.q2 = to_internal(m, q2, "q2");
+    step.q1 = configuration_of(m, q1, "q1");
+    step.q2 = configuration_of(m, q2, "q2");
+    for (const Ball& ball : m.balls)
+        rotation_between(&step.q1[ball.quaternion], &step.q2[ball.quaternion], &step.q2[ball.variable]);
     step.u.assign(u.data(), u.data() + m.n_inputs);
     const std::size_t nq = m.n_variables();
     std::vector<double> start(nq), end(nq);
@@ -299,6 +304,25 @@ void view(nb::class_<Linearization>& type, const char* name, LargeArray Lineariz
             return View((of.*array).data(), sizes.size(), sizes.data(), self);
         },
         nb::rv_policy::automatic, meaning);
+}
+
+Out difference(const Mechanism& m, const In<2>& x, const In<2>& xbar) {
+    const Layout at(m);
+    const std::size_t N = x.shape(0), nx = at.nx, ndx = at.ndx;
+    for (const In<2>* given : {&x, &xbar}) expect(given->size(), N * nx, "x and xbar");
+    Out out = new_array({N, ndx});
+    for (std::size_t k = 0; k < N; ++k) at.difference(x.data() + k * nx, xbar.data() + k * nx, out.data() + k * ndx);
+    return out;
+}
+
+Out plus(const Mechanism& m, const In<2>& x, const In<2>& dx) {
+    const Layout at(m);
+    const std::size_t N = x.shape(0), nx = at.nx, ndx = at.ndx;
+    expect(x.size(), N * nx, "x");
+    expect(dx.size(), N * ndx, "dx");
+    Out out = new_array({N, nx});
+    for (std::size_t k = 0; k < N; ++k) at.plus(x.data() + k * nx, dx.data() + k * ndx, out.data() + k * nx);
+    return out;
 }
 
 }  // namespace
@@ -356,6 +380,9 @@ void bind_midpoint(nb::module_& module) {
     array_field(slopes, "x", &P::x, "Of the next states (N, nx, P).");
     array_field(slopes, "lam", &P::lam, "Of the multipliers (N, nc, P).");
     slopes.def_ro("steps", &P::steps, "The first step that is none, or N.");
+    module.def("difference", &difference, "mechanism"_a, "x"_a, "xbar"_a,
+               "Differences (N, ndx) of states (N, nx): of rotations the rotation vectors from those of xbar.");
+    module.def("plus", &plus, "mechanism"_a, "x"_a, "dx"_a, "States (N, nx) that are dx (N, ndx) from x: its inverse.");
     module.def(
         "balance", &balance, "energies"_a,
         "Of `energies` of steps: energy less that of the first and less the work since (N), how much that swings, "

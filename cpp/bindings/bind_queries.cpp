@@ -33,6 +33,7 @@ nb::tuple functions_at(const Mechanism& m, const Functions& functions, int first
     if (first < 0 || first > last || last > static_cast<int>(functions.size()))
         throw std::invalid_argument("no such elements: " + std::to_string(first) + " to " + std::to_string(last));
     expect(mu.size(), last - first, "mu");
+    expect_no_balls(m, "derivatives of a function of the configuration");
     return arrays_of(functions_of_configuration(m, functions, first, last, mu.data(), to_internal(m, q, "q"),
                                                 {directions_of(m, dq, "dq"), {}}));
 }
@@ -54,12 +55,14 @@ MovedPoints points_behind(const Mechanism& m, const std::vector<int>& joints, co
 Vec3<double> vector_at(const double* at) { return {at[0], at[1], at[2]}; }
 
 Out point_places(const Mechanism& m, const In<2>& q, const std::vector<int>& joints, const In<2>& offsets) {
-    expect(q.shape(1), m.n_variables(), "q");
+    expect(q.shape(1), m.n_configuration(), "q");
     MovedPoints points = points_behind(m, joints, offsets);
+    std::vector<double> at_k;
     Out out = new_array({q.shape(0), joints.size(), 3});
     double* to = out.data();
     for (std::size_t k = 0; k < q.shape(0); ++k) {
-        points.place_at(q.data() + k * m.n_variables());
+        write_configuration(m, q.data() + k * q.shape(1), at_k);
+        points.place_at(at_k.data());
         for (std::size_t i = 0; i < joints.size(); ++i) {
             const auto [x, y, z] = points.position(i);
             for (const double each : {x, y, z}) *to++ = each;
@@ -71,16 +74,18 @@ Out point_places(const Mechanism& m, const In<2>& q, const std::vector<int>& joi
 Out point_slopes(const Mechanism& m, const In<2>& q, const std::vector<int>& joints, const In<2>& offsets,
                  const std::vector<int>& of, const In<3>& along) {
     const std::size_t n = m.n_variables(), rows = of.size();
-    expect(q.shape(1), n, "q");
+    expect(q.shape(1), m.n_configuration(), "q");
     if (along.shape(0) != 1) expect(along.shape(0), q.shape(0), "along");
     expect(along.shape(1), rows, "along");
     expect(along.shape(2), 3, "along");
     for (const int point : of)
         if (point < 0 || point >= static_cast<int>(joints.size())) throw std::invalid_argument("of: no such point");
     MovedPoints points = points_behind(m, joints, offsets);
+    std::vector<double> at_k;
     Out out = new_array({q.shape(0), rows, n});
     for (std::size_t k = 0; k < q.shape(0); ++k) {
-        points.place_at(q.data() + k * n);
+        write_configuration(m, q.data() + k * q.shape(1), at_k);
+        points.place_at(at_k.data());
         const double* at = along.data() + (along.shape(0) == 1 ? 0 : 3 * rows * k);
         for (std::size_t i = 0; i < rows; ++i)
             points.slope(of[i], vector_at(at + 3 * i), out.data() + (k * rows + i) * n);
@@ -90,15 +95,18 @@ Out point_slopes(const Mechanism& m, const In<2>& q, const std::vector<int>& joi
 
 Out point_bent(const Mechanism& m, const In<2>& q, const std::vector<int>& joints, const In<2>& offsets,
                const In<3>& force, const In<2>& weight) {
+    expect_no_balls(m, "second derivatives of points");
     const std::size_t n = m.n_variables(), count = joints.size();
-    expect(q.shape(1), n, "q");
+    expect(q.shape(1), m.n_configuration(), "q");
     for (const std::size_t given : {force.shape(0), weight.shape(0)}) expect(given, q.shape(0), "force and weight");
     for (const std::size_t given : {force.shape(1), weight.shape(1)}) expect(given, count, "force and weight");
     expect(force.shape(2), 3, "force");
     MovedPoints points = points_behind(m, joints, offsets);
+    std::vector<double> at_k;
     Out out = zeros({q.shape(0), n, n});
     for (std::size_t k = 0; k < q.shape(0); ++k) {
-        points.place_at(q.data() + k * n);
+        write_configuration(m, q.data() + k * q.shape(1), at_k);
+        points.place_at(at_k.data());
         for (std::size_t i = 0; i < count; ++i) {
             const std::size_t at = k * count + i;
             points.add_bent(i, vector_at(force.data() + 3 * at), weight.data()[at], out.data() + n * n * k);
@@ -110,7 +118,7 @@ Out point_bent(const Mechanism& m, const In<2>& q, const std::vector<int>& joint
 Out point_apart_bent(const Mechanism& m, const In<2>& q, const std::vector<int>& joints, const In<2>& offsets,
                      const In<3>& along, const In<2>& stiff, const In<2>& weight) {
     const std::size_t n = m.n_variables(), pairs = joints.size() / 2;
-    expect(q.shape(1), n, "q");
+    expect(q.shape(1), m.n_configuration(), "q");
     expect(joints.size(), 2 * pairs, "joints");
     for (const std::size_t given : {along.shape(0), stiff.shape(0), weight.shape(0)})
         expect(given, q.shape(0), "along, stiff and weight");
@@ -118,9 +126,11 @@ Out point_apart_bent(const Mechanism& m, const In<2>& q, const std::vector<int>&
         expect(given, pairs, "along, stiff and weight");
     expect(along.shape(2), 3, "along");
     MovedPoints points = points_behind(m, joints, offsets);
+    std::vector<double> at_k;
     Out out = zeros({q.shape(0), n, n});
     for (std::size_t k = 0; k < q.shape(0); ++k) {
-        points.place_at(q.data() + k * n);
+        write_configuration(m, q.data() + k * q.shape(1), at_k);
+        points.place_at(at_k.data());
         for (std::size_t i = 0; i < pairs; ++i) {
             const std::size_t at = k * pairs + i;
             points.add_apart(i, pairs + i, vector_at(along.data() + 3 * at), stiff.data()[at], weight.data()[at],
@@ -138,6 +148,7 @@ void bind_queries(nb::class_<Mechanism>& mechanism) {
             "lagrangian_of_bodies",
             [](const Mechanism& m, const In<1>& q, const In<1>& v, const In<2>& dq, const In<2>& dv) {
                 expect(dv.shape(0), dq.shape(0), "dv");
+                expect_no_balls(m, "derivatives of the Lagrangian");
                 return arrays_of(lagrangian_of_bodies(m, to_internal(m, q, "q"), to_internal(m, v, "v"),
                                                       {directions_of(m, dq, "dq"), directions_of(m, dv, "dv")}));
             },
@@ -163,6 +174,7 @@ void bind_queries(nb::class_<Mechanism>& mechanism) {
             [](const Mechanism& m, const In<1>& mu, const In<1>& q, const In<1>& v, const In<1>& u, const In<1>& dq,
                const In<1>& dv, const In<1>& du, const ElementParts& parts) {
                 expect(mu.size(), m.n_variables(), "mu");
+                expect_no_balls(m, "derivatives of forces");
                 const auto given = [&](const In<1>& inputs, const char* what) {
                     expect(inputs.size(), m.n_inputs, what);
                     return std::vector<double>(inputs.data(), inputs.data() + inputs.size());

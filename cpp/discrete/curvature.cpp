@@ -20,12 +20,14 @@ SecondOrder::SecondOrder(const Mechanism& mechanism, Split split)
       at2_(mechanism),
       dual_at1_(mechanism),
       mu_(nd_ + nc_) {
-    for (auto* a : {&q1, &q2, &mu_force_, &q_mid_, &v_}) a->resize(nq_);
+    for (auto* a : {&q1, &q2, &q_mid_}) a->resize(mechanism.n_coordinates());
+    for (auto* a : {&mu_force_, &v_, &mu_z_, &w_z_}) a->resize(nq_);
     for (auto* a : {&w_q, &w_p}) a->resize(nd_);
     for (auto* a : {&lam, &w_lam}) a->resize(nc_);
     u.resize(nu_);
-    for (auto* a : {&dual_q_, &dual_v_, &dual_q1_, &q_along_v_, &q_along_mu_}) a->resize(nq_);
+    for (auto* a : {&dual_q_, &dual_v_, &dual_q1_, &q_along_v_, &q_along_mu_}) a->resize(mechanism.n_coordinates());
     Z_ = NewtonMatrix::Matrix::Zero(nd_ + nc_, padded(n_theta_));
+    begin_balls();
     if (mechanism_.forces.empty() && mechanism_.instant_forces.empty()) return;
     along_v_ = std::make_unique<Placement<Dual<double>>>(mechanism_);
     along_mu_ = std::make_unique<Placement<Dual<double>>>(mechanism_);
@@ -37,11 +39,16 @@ void SecondOrder::hessian(double dt, const FirstOrder& first) {
     W_yy_.setZero(ny, ny);
     W_yth_.setZero(ny, n_theta_);
     W_thth_.setZero(padded(n_theta_), n_theta_);
+    std::copy(mu_.begin(), mu_.begin() + nd_, mu_z_.begin());
+    std::copy(w_p.begin(), w_p.end(), w_z_.begin());
+    if (turned_) begin_turned(dt);
     add_lagrangian(dt);
     add_potentials();
     add_instant_forces();
     add_forces(dt);  // which leaves q_mid_ and all that by_time_step() needs
+    if (turned_) turn(dt);
     add_constraints();
+    if (turned_) turn_constraints();
     add_products(first);
 }
 
@@ -62,11 +69,12 @@ void SecondOrder::set_multipliers(const FirstOrder& first) {
 
 void SecondOrder::add_lagrangian(double dt) {
     for (int i = 0; i < nq_; ++i) {
-        const double mu = i < nd_ ? mu_[i] : 0.0, w = i < nd_ ? w_p[i] : 0.0;
+        const double mu = mu_z_[i], w = w_z_[i];
         dual_q_[i] = {0.5 * (q1[i] + q2[i]), 0.5 * dt * (mu + w)};
         dual_v_[i] = {(q2[i] - q1[i]) / dt, w - mu};
-        dual_q1_[i] = {q1[i], mu};
+        dual_q1_[i] = {q1[i], i < nd_ ? mu_[i] : 0.0};
     }
+    if (turned_) place_dual_balls();
     dual_.gradient(dual_q_.data(), dual_v_.data());
     dual_.hessian();
     const PairDerivatives& d = dual_.pairs;
@@ -104,11 +112,12 @@ void SecondOrder::add_forces(double dt) {
     if (m.forces.empty()) return;
     const double km = kappa_minus(split_, dt), kp = kappa_plus(split_, dt);
     const int at_u = nq_ + nd_;
-    for (int i = 0; i < nd_; ++i) mu_force_[i] = km * mu_[i] + kp * w_p[i];
+    for (int i = 0; i < nd_; ++i) mu_force_[i] = km * mu_z_[i] + kp * w_z_[i];
     for (int i = 0; i < nq_; ++i) {
         q_mid_[i] = 0.5 * (q1[i] + q2[i]);
         v_[i] = (q2[i] - q1[i]) / dt;
     }
+    if (turned_) place_balls();
     each_force_curvature(m.forces, m.force_joints, [&](const GeneralizedForce& force, std::size_t size, const auto& P) {
         const auto &support = force.support(), &inputs = force.inputs();
         const std::size_t n = support.size(), r = inputs.size();
@@ -167,6 +176,7 @@ void SecondOrder::each_force_curvature(const std::vector<std::shared_ptr<const G
         q_along_v_[i] = {q_mid_[i], v_[i]};
         q_along_mu_[i] = {q_mid_[i], mu_force_[i]};
     }
+    for (std::size_t i = nq_; i < q_mid_.size(); ++i) q_along_v_[i] = q_along_mu_[i] = q_mid_[i];
     place(joints, q_mid_.data(), at_middle_);
     place(joints, q_along_v_.data(), *along_v_);
     place(joints, q_along_mu_.data(), *along_mu_);
@@ -179,7 +189,7 @@ void SecondOrder::each_force_curvature(const std::vector<std::shared_ptr<const G
 
 void SecondOrder::add_constraints() {
     place(mechanism_.constraint_joints, dual_q1_.data(), dual_at1_);
-    place(mechanism_.constraint_joints, q2.data(), at2_);
+    place(mechanism_.constraint_joints, end(), at2_);
     for (int c = 0; c < nc_; ++c) {
         const auto& constraint = *mechanism_.constraints[c];
         for_each_entry(constraint, dual_at1_, dual_q1_.data(), dual_local_,
@@ -188,7 +198,7 @@ void SecondOrder::add_constraints() {
                        });
         for (std::size_t i = 0; i < constraint.support().size(); ++i)
             W_yth_(nd_ + c, constraint.support()[i]) -= dual_local_.gradient[i].d;  // d(Dh mu)/dq1
-        for_each_entry(constraint, at2_, q2.data(), local_,
+        for_each_entry(constraint, at2_, end(), local_,
                        [&](int i, int j, double bend) { add_22(i, j, mu_[nd_ + c] * bend); });
     }
 }

@@ -58,6 +58,16 @@ public:
 
 private:
     void set_multipliers(const FirstOrder& first);
+    // Where rotations are quaternions (turned_curvature.cpp): what comes before all else, after add_forces(), and after
+    // add_constraints().
+    void begin_balls();
+    void place_balls();       // in q_mid_
+    void place_dual_balls();  // in dual_q_ and dual_q1_
+    const double* end() const;
+    void begin_turned(double dt);
+    void turn(double dt);
+    void turn_constraints();
+    double& entry(int a, int b);  // of (q1, q2) by (q1, q2), a kept triangle of it
     void add_lagrangian(double dt);
     void add_potentials();
     void add_forces(double dt);
@@ -101,6 +111,9 @@ private:
     NewtonMatrix::Matrix W_yy_, W_yth_, half_W_yy_, Z_;
     Eigen::MatrixXd W_thth_;
     std::vector<double> mu_, mu_force_, q_mid_, v_;
+    std::vector<double> mu_z_, w_z_;  // mu and w_p as directions in the kernel's coordinates
+    struct Turned;                    // null where no rotation is a quaternion
+    std::shared_ptr<Turned> turned_;
     std::vector<Dual<double>> dual_q_, dual_v_, dual_q1_;
     std::unique_ptr<Placement<Dual<double>>> along_v_, along_mu_;  // for forces; null where there are none
     std::vector<Dual<double>> q_along_v_, q_along_mu_;

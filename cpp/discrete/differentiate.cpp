@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "discrete/step_hessian.hpp"
+
 namespace leastaction {
 
 FirstOrder::FirstOrder(const Mechanism& m)
@@ -9,6 +11,21 @@ FirstOrder::FirstOrder(const Mechanism& m)
       ld((n_theta + m.n_constraints() + NewtonMatrix::lanes - 1) / NewtonMatrix::lanes * NewtonMatrix::lanes),
       Y(static_cast<std::size_t>(m.n_dynamic + m.n_constraints()) * ld),
       P2(static_cast<std::size_t>(m.n_dynamic) * ld) {}
+
+void FirstOrder::take(const MidpointStep& step) {
+    const Mechanism& m = step.mechanism();
+    const int nd = m.n_dynamic, nk = m.n_kinematic, nq = nd + nk, ni = m.n_inputs, at_u = nq + nd, at_rho2 = at_u + ni;
+    const StepHessian& table = step.table();
+    using Rows = Eigen::Map<NewtonMatrix::Matrix>;
+    Rows y(Y.data(), nd, ld), p2(P2.data(), nd, ld);
+    y.leftCols(nq) = -table.by_ends.topLeftCorner(nd, nq);
+    y.middleCols(at_u, ni) = -table.by_u.topRows(nd);
+    y.middleCols(at_rho2, nk) = -table.by_ends.topRightCorner(nd, nk);
+    p2.leftCols(nq) = table.by_ends.bottomLeftCorner(nd, nq);
+    p2.middleCols(at_u, ni) = table.by_u.bottomRows(nd);
+    p2.middleCols(at_rho2, nk) = table.by_ends.bottomRightCorner(nd, nk);
+    G_y = table.by_ends.block(nd, nq, nd, nd);
+}
 
 bool FirstOrder::differentiate(MidpointStep& step, double dt) {
     if (!step.factor_at_solution(dt)) return false;
@@ -33,13 +50,16 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
             P2[i * ld + at_rho2 + j - nd] += d22;
         }
     };
+    const bool turns = !mechanism.balls.empty();
+    if (turns) take(step);
     const PairDerivatives& d = step.lagrangian().pairs;
-    each_pair(mechanism, d.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
-        const double qq = weight * (0.25 * dt * d.qq[at]), vv = weight * (d.vv[at] / dt);
-        const double sum = weight * (0.5 * (d.q_v[at] + d.v_q[at])), odd = weight * (0.5 * (d.q_v[at] - d.v_q[at]));
-        if (i < nd) add(i, j, qq - sum + vv, qq - vv + odd, qq - vv - odd, qq + sum + vv);
-        if (j < nd && mirrored) add(j, i, qq - sum + vv, qq - vv - odd, qq - vv + odd, qq + sum + vv);
-    });
+    if (!turns)
+        each_pair(mechanism, d.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
+            const double qq = weight * (0.25 * dt * d.qq[at]), vv = weight * (d.vv[at] / dt);
+            const double sum = weight * (0.5 * (d.q_v[at] + d.v_q[at])), odd = weight * (0.5 * (d.q_v[at] - d.v_q[at]));
+            if (i < nd) add(i, j, qq - sum + vv, qq - vv + odd, qq - vv - odd, qq + sum + vv);
+            if (j < nd && mirrored) add(j, i, qq - sum + vv, qq - vv - odd, qq - vv + odd, qq + sum + vv);
+        });
     for (int i = 0; i < nd; ++i) Y[i * ld + at_p + i] = -1.0;
     const auto add_force = [&](int i, int j, double f_q, double f_v) {
         if (i >= nd) return;
@@ -52,13 +72,15 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
         Y[i * ld + at_u + input] -= km * f_u;
         P2[i * ld + at_u + input] += kp * f_u;
     };
-    for (const auto& [i, slot] : mechanism.damping) add_force(i, i, 0.0, -mechanism.numbers[slot]);
-    for (const auto& [i, input] : mechanism.joint_forces) add_input(i, input, 1.0);
-    for_each_entry(mechanism.potentials, middle.at, middle.q, local_, [&](int i, int j, double bend) {
-        const double qq = -0.25 * dt * bend;
-        if (i < nd) add(i, j, qq, qq, qq, qq);
-    });
-    for_each_entry(mechanism.forces, middle, force_, add_force, add_input);
+    if (!turns) {
+        for (const auto& [i, slot] : mechanism.damping) add_force(i, i, 0.0, -mechanism.numbers[slot]);
+        for (const auto& [i, input] : mechanism.joint_forces) add_input(i, input, 1.0);
+        for_each_entry(mechanism.potentials, middle.at, middle.q, local_, [&](int i, int j, double bend) {
+            const double qq = -0.25 * dt * bend;
+            if (i < nd) add(i, j, qq, qq, qq, qq);
+        });
+        for_each_entry(mechanism.forces, middle, force_, add_force, add_input);
+    }
     const auto add_instant_input = [&](int i, int input, double f_u) {
         if (i < nd) Y[i * ld + at_u + input] -= step.share * f_u;
     };
@@ -74,6 +96,14 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
         double* y = &Y[(nd + c) * ld];
         for (int k = 0; k < nk; ++k) y[at_rho2 + k] = -step.end_gradients()[c * nq + nd + k];
         y[at_h + c] = -1.0;  // a shift of h: F2 = h + s
+    }
+    for (const Ball& ball : mechanism.balls) {
+        Eigen::Vector3d slope = Eigen::Vector3d::Zero();
+        for (int c = 0; c < nc; ++c)
+            for (int i = 0; i < 3; ++i) slope[i] += step.lam[c] * step.start_gradients()[c * nq + ball.variable + i];
+        const Eigen::Matrix3d bend = chart_bend(slope);
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) Y[(ball.variable + i) * ld + ball.variable + j] += bend(j, i);
     }
     step.newton().solve(Y.data(), Y.data() + nd * ld, n_theta + nc, ld);
 

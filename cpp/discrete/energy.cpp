@@ -77,11 +77,11 @@ void energies_along(const Midpoint& integrator, int steps, const double* t, cons
         const double *x = X + static_cast<std::size_t>(k) * at.nx, *next = x + at.nx;
         const double dt = t[k + 1] - t[k];
         at.start(x, U + static_cast<std::size_t>(k) * at.nu, at.share(k, dt, first_share), step);
-        for (int i = 0; i < at.nd; ++i) step.q2[i] = next[at.m.external[i]];
+        at.finish(step, next);
         std::copy_n(lam + static_cast<std::size_t>(k) * at.nc, at.nc, step.lam.begin());
         if (at.nk > 0) step.place_start();
         step.evaluate_middle(dt);
-        noted.note(step, dt, x + at.nq, rows + static_cast<std::size_t>(k) * EnergyRows::width);
+        noted.note(step, dt, x + at.nqx, rows + static_cast<std::size_t>(k) * EnergyRows::width);
     }
 }
 

@@ -17,21 +17,32 @@ struct Layout {
           nk(m.n_kinematic),
           nq(nd + nk),
           ni(m.n_inputs),
-          nx(2 * nq),
+          nqx(m.n_configuration()),
+          nx(m.n_states()),
+          ndx(m.n_tangent()),
           nu(ni + nk),
           nc(m.n_constraints()),
-          ny(nx + (with_multipliers ? nc : 0)),
+          ny(ndx + (with_multipliers ? nc : 0)),
           theta(nq + nd + nu) {}
     const Mechanism& m;
-    int nd, nk, nq, ni, nx, nu, nc;
-    int ny;  // states, and the multipliers of the last step where they count as states
+    bool of_ball(int i) const {
+        return std::ranges::any_of(m.balls, [&](const Ball& b) { return i >= b.variable && i < b.variable + 3; });
+    }
+    int nd, nk, nq, ni;
+    int nqx, nx, ndx;  // of a configuration, of a state, and of differences of states, by which derivatives are
+    int nu, nc;
+    int ny;  // differences, and the multipliers of the last step where they count as states
     int theta;
 
     // For how long forces at the instants act at the start of step k, of which the first has a part of its own.
     static double share(std::size_t k, double dt, double first_share) { return k > 0 ? dt : first_share * dt; }
     void start(const double* x, const double* u, double share, MidpointStep& step) const {
-        for (int i = 0; i < nq; ++i) step.q1[i] = x[m.external[i]];
-        for (int i = 0; i < nd; ++i) step.p1[i] = x[nq + m.external[i]];
+        for (int i = 0; i < nq; ++i) step.q1[i] = x[m.places[i]];
+        for (int i = 0; i < nd; ++i) step.p1[i] = x[nqx + m.external[i]];
+        for (const Ball& ball : m.balls) {
+            std::fill_n(&step.q1[ball.variable], 3, 0.0);
+            std::copy_n(x + ball.place, 4, &step.q1[ball.quaternion]);
+        }
         input(u, step);
         step.kick(share);
     }
@@ -41,19 +52,63 @@ struct Layout {
     }
     void state(const MidpointStep& step, double dt, double* x) const {
         for (int i = 0; i < nd; ++i) {
-            x[m.external[i]] = step.q2[i];
-            x[nq + m.external[i]] = step.p2[i];
+            x[m.places[i]] = step.q2[i];
+            x[nqx + m.external[i]] = step.p2[i];
         }
         for (int i = nd; i < nq; ++i) {
-            x[i] = step.q2[i];
-            x[nq + i] = (step.q2[i] - step.q1[i]) / dt;
+            x[m.places[i]] = step.q2[i];
+            x[nqx + i] = (step.q2[i] - step.q1[i]) / dt;
         }
+        for (const Ball& ball : m.balls) std::copy_n(&step.q2[ball.quaternion], 4, x + ball.place);
+    }
+    // Sets the dynamic part of where a step leads to, from the next state.
+    void finish(MidpointStep& step, const double* next) const {
+        for (int i = 0; i < nd; ++i) step.q2[i] = next[m.places[i]];
+        for (const Ball& ball : m.balls)
+            rotation_between(&step.q1[ball.quaternion], next + ball.place, &step.q2[ball.variable]);
+    }
+    // The largest difference between where a step leads to and the next state, of dynamic variables.
+    double distance(const MidpointStep& step, const double* next) const {
+        double most = 0;
+        for (int i = 0; i < nd; ++i)
+            if (!of_ball(i)) most = std::max(most, std::abs(step.q2[i] - next[m.places[i]]));
+        for (const Ball& ball : m.balls) {
+            double turn[3];
+            rotation_between(&step.q2[ball.quaternion], next + ball.place, turn);
+            for (const double each : turn) most = std::max(most, std::abs(each));
+        }
+        return most;
+    }
+    // x - xbar in the tangent space at xbar (ndx): of rotations the rotation vector from xbar's to x's.
+    void difference(const double* x, const double* xbar, double* out) const {
+        for (int i = 0; i < nq; ++i) {
+            out[m.external[i]] = x[m.places[i]] - xbar[m.places[i]];
+            out[nq + i] = x[nqx + i] - xbar[nqx + i];
+        }
+        for (const Ball& ball : m.balls)
+            rotation_between(xbar + ball.place, x + ball.place, out + m.external[ball.variable]);
+    }
+    // The dynamic velocities over a step from x to the state behind it.
+    void velocity(const double* x, double dt, double* out) const {
+        for (int i = 0; i < nd; ++i) out[i] = (x[nx + m.places[i]] - x[m.places[i]]) / dt;
+        for (const Ball& ball : m.balls) {
+            rotation_between(x + ball.place, x + nx + ball.place, out + ball.variable);
+            for (int i = 0; i < 3; ++i) out[ball.variable + i] /= dt;
+        }
+    }
+    // What difference() undoes: a state that is dx from x.
+    void plus(const double* x, const double* dx, double* out) const {
+        for (int i = 0; i < nq; ++i) {
+            out[m.places[i]] = x[m.places[i]] + dx[m.external[i]];
+            out[nqx + i] = x[nqx + i] + dx[nq + i];
+        }
+        for (const Ball& ball : m.balls) turn_by(x + ball.place, dx + m.external[ball.variable], 1.0, out + ball.place);
     }
     // The derivatives of a step whose end is known; false where it is no step of the mechanism.
     bool differentiate(MidpointStep& step, FirstOrder& first, const double* x, const double* u, const double* next,
                        double dt, double share) const {
         start(x, u, share, step);
-        for (int i = 0; i < nd; ++i) step.q2[i] = next[m.external[i]];
+        finish(step, next);
         std::fill(step.lam.begin(), step.lam.end(), 0.0);  // so that no result depends on the range it is in
         step.place_start();
         return step.solve(dt, true).status == StepStatus::converged && first.differentiate(step, dt);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <utility>
 
 #include "discrete/layout.hpp"
 #include "numerics/parallel.hpp"
@@ -31,7 +32,8 @@ int for_each_step(const Midpoint& integrator, int steps, int threads, const OfSt
 }
 
 std::size_t record_size(const Layout& at) {
-    return at.nq + at.ni + at.nq + at.nc + 1 + static_cast<std::size_t>(at.nc) * (at.theta + at.nc + 2 * at.nd);
+    return 2 * at.m.n_coordinates() + at.ni + at.nc + 1 +
+           static_cast<std::size_t>(at.nc) * (at.theta + at.nc + 2 * at.nd);
 }
 
 // The length of a step as its one parameter.
@@ -46,7 +48,7 @@ void write_slopes(const Layout& at, const MidpointStep& step, double dt, const s
                   const ParameterSlopes& slopes, double* by_x, double* by_lam, bool multipliers) {
     const std::size_t count = parameters.size();
     const int ld = slopes.ld;
-    std::fill_n(by_x, at.nx * count, 0.0);
+    std::fill_n(by_x, at.ndx * count, 0.0);
     for (int i = 0; i < at.nd; ++i) {
         const int row = at.m.external[i];
         std::copy_n(&slopes.Y[i * ld], count, by_x + row * count);
@@ -63,8 +65,9 @@ void write_slopes(const Layout& at, const MidpointStep& step, double dt, const s
 Linearization::Linearization(std::shared_ptr<const Midpoint> integrator, int steps, bool multipliers)
     : steps(steps),
       nx(integrator->mechanism().n_states()),
+      ndx(integrator->mechanism().n_tangent()),
       nc(integrator->mechanism().n_constraints()),
-      ny(nx + (multipliers ? nc : 0)),
+      ny(ndx + (multipliers ? nc : 0)),
       nu(integrator->mechanism().n_controls()),
       A(static_cast<std::size_t>(steps) * ny * ny),
       B(static_cast<std::size_t>(steps) * ny * nu),
@@ -80,9 +83,9 @@ Linearization::Linearization(std::shared_ptr<const Midpoint> integrator, int ste
 template <class Point, class First, class Carry>
 void Linearization::carry(Point& point, First& first, const Carry& carry) const {
     const Layout at(integrator_->mechanism());
-    carry(point.q1.data(), at.nq);
+    carry(point.q1.data(), at.m.n_coordinates());
     carry(point.u.data(), at.ni);
-    carry(point.q2.data(), at.nq);
+    carry(point.q2.data(), at.m.n_coordinates());
     carry(point.lam.data(), at.nc);
     carry(&point.share, 1);
     for (int c = 0; c < at.nc; ++c) carry(&first.Y[(at.nd + c) * first.ld], at.theta);
@@ -92,7 +95,7 @@ void Linearization::carry(Point& point, First& first, const Carry& carry) const 
 
 int Linearization::along(const double* t, const double* X, const double* U, double first_share, int threads,
                          const double* ends, double* by_time_step) {
-    const Layout at(integrator_->mechanism(), ny > nx);
+    const Layout at(integrator_->mechanism(), ny > ndx);
     const std::vector<Parameter> lengths = length_of_step();
     const int done = for_each_step(*integrator_, steps, threads, [&](Workspace& workspace, std::size_t k) {
         const double dt = t[k + 1] - t[k];
@@ -101,8 +104,7 @@ int Linearization::along(const double* t, const double* X, const double* U, doub
         FirstOrder& first = workspace.first();
         if (!at.differentiate(step, first, x, u, next, dt, at.share(k, dt, first_share))) return false;
         dt_.data()[k] = dt;
-        double& defect_k = defect.data()[k] = 0;
-        for (int i = 0; i < at.nd; ++i) defect_k = std::max(defect_k, std::abs(step.q2[i] - next[at.m.external[i]]));
+        defect.data()[k] = at.distance(step, next);
         const int ld = first.ld;
         double *A_k = A.data() + k * ny * ny, *B_k = B.data() + k * ny * nu;
         if (!zeroed_) {
@@ -120,15 +122,15 @@ int Linearization::along(const double* t, const double* X, const double* U, doub
             A_k[v * ny + i] = -1.0 / dt;
             B_k[v * nu + input] = 1.0 / dt;
         }
-        for (int row = nx; row < ny; ++row)
-            at.scatter(&first.Y[(at.nd + row - nx) * ld], A_k + row * ny, B_k + row * nu);
+        for (int row = ndx; row < ny; ++row)
+            at.scatter(&first.Y[(at.nd + row - ndx) * ld], A_k + row * ny, B_k + row * nu);
         std::copy(step.lam.begin(), step.lam.end(), lam.data() + k * nc);
         double* record = records_.data() + k * record_size_;
         carry(step, first, [&](const double* from, int n) { record = std::copy_n(from, n, record); });
         if (by_time_step) {
             ParameterSlopes& slopes = workspace.slopes();
             slopes.differentiate(step, first, dt, lengths);
-            write_slopes(at, step, dt, lengths, slopes, by_time_step + k * ny, by_time_step + k * ny + nx, ny > nx);
+            write_slopes(at, step, dt, lengths, slopes, by_time_step + k * ny, by_time_step + k * ny + ndx, ny > ndx);
         }
         return true;
     });
@@ -174,7 +176,7 @@ void Linearization::each_hessian(const double* W, int weights, int threads, cons
             second.w_q[i] = W_k[at.m.external[i]];
             second.w_p[i] = W_k[at.nq + at.m.external[i]];
         }
-        for (int c = 0; c < nc; ++c) second.w_lam[c] = weights > nx ? W_k[nx + c] : 0.0;
+        for (int c = 0; c < nc; ++c) second.w_lam[c] = weights > ndx ? W_k[ndx + c] : 0.0;
         second.hessian(dt_.data()[k], first);
         write(second, k);
         return true;
@@ -183,7 +185,7 @@ void Linearization::each_hessian(const double* W, int weights, int threads, cons
 
 std::shared_ptr<const LargeArray> Linearization::curvature(const double* W, int weights, bool multipliers,
                                                            int threads) const {
-    const std::size_t n = nx + nu + (multipliers ? nc : 0);
+    const std::size_t n = ndx + nu + (multipliers ? nc : 0);
     const std::vector<SecondOrder::Run>& runs = runs_[multipliers];
     const std::shared_ptr<Hessians> H = hessians(multipliers, n * n);
     each_hessian(W, weights, threads, [&](SecondOrder& second, std::size_t k) {
@@ -217,7 +219,7 @@ int differentiate_by_parameters(const Midpoint& integrator, int steps, const dou
         if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, dt, share)) return false;
         ParameterSlopes& slopes = workspace.slopes();
         slopes.differentiate(step, first, dt, parameters);
-        write_slopes(at, step, dt, parameters, slopes, by_x + k * at.nx * count, by_lam + k * at.nc * count, true);
+        write_slopes(at, step, dt, parameters, slopes, by_x + k * at.ndx * count, by_lam + k * at.nc * count, true);
         return true;
     });
 }
@@ -236,7 +238,7 @@ void load_second(const Layout& at, const MidpointStep& step, const double* W_k, 
         second.w_q[i] = W_k[at.m.external[i]];
         second.w_p[i] = W_k[at.nq + at.m.external[i]];
     }
-    for (int c = 0; c < at.nc; ++c) second.w_lam[c] = weights > at.nx ? W_k[at.nx + c] : 0.0;
+    for (int c = 0; c < at.nc; ++c) second.w_lam[c] = weights > at.ndx ? W_k[at.ndx + c] : 0.0;
 }
 
 }  // namespace
@@ -283,7 +285,7 @@ int curvature_by_numbers(const Midpoint& integrator, int steps, const double* t,
                          const double* W, int weights, const std::vector<Parameter>& directions, double first_share,
                          int threads, double* out) {
     const Layout at(integrator.mechanism());
-    const int n = at.nx + at.nu, count = static_cast<int>(directions.size()), row = n + count;
+    const int n = at.ndx + at.nu, count = static_cast<int>(directions.size()), row = n + count;
     return for_each_step(integrator, steps, threads, [&](Workspace& workspace, std::size_t k) {
         const double dt = t[k + 1] - t[k];
         const double* now = X + k * at.nx;
@@ -301,7 +303,7 @@ int curvature_by_numbers(const Midpoint& integrator, int steps, const double* t,
         double* by = out + k * count * row;
         std::fill_n(by, count * row, 0.0);
         for (int a = 0; a < count; ++a, by += row) {
-            at.scatter(&by_theta[static_cast<std::size_t>(a) * at.theta], by, by + at.nx);
+            at.scatter(&by_theta[static_cast<std::size_t>(a) * at.theta], by, by + at.ndx);
             std::copy_n(&twice[a * count], count, by + n);
         }
         return true;

@@ -23,7 +23,8 @@ namespace leastaction {
 class Linearization {
 public:
     // Of trajectories of so many steps. With `multipliers` those of a step count as further states of its end, which
-    // nothing depends on: ny = nx + nc states instead of nx.
+    // nothing depends on: ny = ndx + nc states instead of ndx. States have nx numbers, their differences ndx: fewer where
+    // rotations are quaternions.
     Linearization(std::shared_ptr<const Midpoint> integrator, int steps, bool multipliers);
 
     // Linearises along a trajectory, in the memory that there is. Returns the first step at which it is none, or N.
@@ -47,7 +48,7 @@ public:
     std::array<LargeArray*, 6> memory() { return {&A, &B, &lam, &defect, &dt_, &records_}; }
 
     const std::shared_ptr<const Midpoint>& integrator() const { return integrator_; }
-    const int steps, nx, nc, ny, nu;
+    const int steps, nx, ndx, nc, ny, nu;
     LargeArray A, B, lam;  // (N, ny, ny), (N, ny, nu), (N, nc)
     LargeArray defect;     // (N): distance of the dynamic configuration from that given
 

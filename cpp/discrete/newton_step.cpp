@@ -1,5 +1,7 @@
 #include "discrete/newton_step.hpp"
 
+#include "discrete/step_hessian.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -31,7 +33,11 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
       at2_(*mechanism_) {
     const auto sized = [](std::vector<double>& a, std::size_t n) { a.assign(n, 0.0); };
     const std::size_t nd = nd_, nq = nq_, ny = nd_ + nc_;
-    for (auto* a : {&q1, &q2, &q_mid_, &v_, &still_, &expected_v_}) sized(*a, nq);
+    for (auto* a : {&q1, &q2, &q_mid_, &placed_}) sized(*a, mechanism_->n_coordinates());
+    for (auto* a : {&v_, &still_, &expected_v_}) sized(*a, nq);
+    if (!mechanism_->balls.empty())
+        for (auto* a : {&raw_start_, &raw_end_, &moved_inertia_}) sized(*a, nq);
+    if (!mechanism_->balls.empty()) table_ = std::make_unique<StepHessian>();
     for (auto* a : {&p1, &p2, &f_, &q2_kept_, &root_inertia_, &diagonal_, &inertia_}) sized(*a, nd);
     sized(u, mechanism_->n_inputs);
     for (auto* a : {&lam, &h_, &h_scale_, &lam_kept_}) sized(*a, nc_);
@@ -46,7 +52,7 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
         const double turn = std::sqrt(w.x * w.x + w.y * w.y + w.z * w.z);
         joint.each_term([&](int i, double factor) { turn_[i] = std::max(turn_[i], turn * std::abs(factor)); });
     }
-    const bool fits = mechanism_->plain && mechanism_->only_tree_couples;
+    const bool fits = mechanism_->plain && mechanism_->only_tree_couples && mechanism_->balls.empty();
     if (fits && (settings.solver == Solver::tree ||
                  (settings.solver == Solver::automatic && TreeNewton::is_faster(*mechanism_))))
         tree_ = std::make_unique<TreeNewton>(*mechanism_);
@@ -62,6 +68,8 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
         have_C1_ = have_C2_ = true;
     }
 }
+
+MidpointStep::~MidpointStep() = default;
 
 void MidpointStep::constraint_gradients(const Placement<double>& at, const double* q, double* C) {
     std::fill(C, C + nc_ * nq_, 0.0);
@@ -82,7 +90,7 @@ void MidpointStep::make_start_gradients() {
 void MidpointStep::make_gradients() {
     if (have_C1_ && have_C2_) return;
     make_start_gradients();
-    constraint_gradients(at2_, q2.data(), C2_.data());
+    constraint_gradients(at2_, end(), C2_.data());
     have_C2_ = true;
 }
 
@@ -128,6 +136,11 @@ void MidpointStep::momenta(double dt, double share, std::vector<double>& start, 
     for (const auto& [i, slot] : m.damping) add(i, -m.numbers[slot] * v_[i]);
     for (const auto& [i, input] : m.joint_forces) add(i, u[input]);
     for_each_entry(m.forces, middle(), force_, add);
+    if (!turnings_.empty()) {
+        for (double& p : start) p = -p;
+        turn_rows_of(m, turnings_, start.data(), end.data());
+        for (double& p : start) p = -p;
+    }
     for (const auto& [i, input] : m.instant_joint_forces) start[i] -= share * u[input];
     for_each_entry(m.instant_forces, instant(), force_, [&](int i, double f) { start[i] -= share * f; });
 }
@@ -136,6 +149,7 @@ void MidpointStep::advance() {
     expected_v_ = v_;
     q1.swap(q2);
     p1.swap(p2);
+    for (const Ball& ball : mechanism_->balls) std::fill_n(&q1[ball.variable], 3, 0.0);
     std::swap(at1_, at2_);
     C1_.swap(C2_);
     if (loops_) {
@@ -150,18 +164,19 @@ void MidpointStep::evaluate_middle(double dt) {
         q_mid_[i] = 0.5 * (q1[i] + q2[i]);
         v_[i] = (q2[i] - q1[i]) / dt;
     }
+    if (!mechanism_->balls.empty()) turn_ends();
     lagrangian_.gradient(q_mid_.data(), v_.data());
     add_elements();
 }
 
 void MidpointStep::evaluate(double dt) {
     evaluate_middle(dt);
-    place(mechanism_->free_constraint_joints, q2.data(), at2_);
+    place(mechanism_->free_constraint_joints, end(), at2_);
     if (loops_) {
         loops_->evaluate(at2_, end_);
         have_C2_ = false;
     } else {
-        constraint_gradients(at2_, q2.data(), C2_.data());
+        constraint_gradients(at2_, end(), C2_.data());
     }
 
     const double km = kappa_minus(settings_.split, dt), kp = kappa_plus(settings_.split, dt);
@@ -171,6 +186,15 @@ void MidpointStep::evaluate(double dt) {
         residual[i] = p1[i] + half_slope - momentum + km * f_[i];
         p2[i] = half_slope + momentum + kp * f_[i];
         size = std::max({size, std::abs(p1[i]), std::abs(half_slope), std::abs(momentum), std::abs(km * f_[i])});
+    }
+    if (!turnings_.empty()) {
+        for (int i = 0; i < nd_; ++i) {
+            residual[i] -= p1[i];
+            raw_start_[i] = residual[i];
+            raw_end_[i] = p2[i];
+        }
+        turn_rows_of(*mechanism_, turnings_, residual.data(), p2.data());
+        for (int i = 0; i < nd_; ++i) residual[i] += p1[i];
     }
     if (loops_) {
         size = std::max(size, loops_->subtract_forces(start_, lam.data(), residual.data()));
@@ -292,6 +316,7 @@ void MidpointStep::list_entries() {
 }
 
 bool MidpointStep::factor_dense(double dt) {
+    if (!mechanism_->balls.empty()) return factor_turned(dt);
     if (own_entries_.empty()) list_entries();
     lagrangian_.hessian();
     newton_.clear();
@@ -313,6 +338,43 @@ bool MidpointStep::factor_dense(double dt) {
     element_matrix(dt, [&](int i, int j, double value) { M[i * newton_.stride + j] += value; });
     make_gradients();
     return newton_.factor(C1_.data(), C2_.data(), nq_);
+}
+
+bool MidpointStep::factor_turned(double dt) {
+    lagrangian_.hessian();
+    table_->evaluate(*mechanism_, lagrangian_, middle(), settings_.split, dt, local_, force_);
+    table_->turn_columns(*mechanism_, turnings_);
+    table_->turn_rows(*mechanism_, turnings_, raw_start_.data(), raw_end_.data());
+    newton_.clear();
+    for (int i = 0; i < nd_; ++i)
+        for (int j = 0; j < nd_; ++j) newton_.M[i * newton_.stride + j] = table_->by_ends(i, nq_ + j);
+    lagrangian_.inertias(moved_inertia_.data());
+    for (int i = 0; i < nd_; ++i) note_inertia(i, moved_inertia_[i]);
+    make_gradients();
+    return newton_.factor(C1_.data(), C2_.data(), nq_);
+}
+
+void MidpointStep::turn_ends() {
+    const Mechanism& m = *mechanism_;
+    turnings_.clear();
+    std::copy(q2.begin(), q2.begin() + nq_, placed_.begin());
+    for (const Ball& ball : m.balls) {
+        const double *phi = &q2[ball.variable], *start = &q1[ball.quaternion];
+        turnings_.emplace_back(phi);
+        std::fill_n(&q_mid_[ball.variable], 3, 0.0);
+        std::fill_n(&placed_[ball.variable], 3, 0.0);
+        turn_by(start, phi, 0.5, &q_mid_[ball.quaternion]);
+        turn_by(start, phi, 1.0, &placed_[ball.quaternion]);
+        std::copy_n(&placed_[ball.quaternion], 4, &q2[ball.quaternion]);
+    }
+}
+
+// dphi = d + phi x s + c phi x (phi x d) with s = beta/2, d = beta.
+void MidpointStep::turn_correction() {
+    for (std::size_t b = 0; b < turnings_.size(); ++b) {
+        const int at = mechanism_->balls[b].variable;
+        turnings_[b].end_to_phi(&correction_[at]);
+    }
 }
 
 // Whether a new Newton matrix is cheaper than going on with the old one. Within a step the contraction decides. At its
@@ -384,6 +446,7 @@ StepReport MidpointStep::solve(double dt, bool known) {
         lam_kept_ = lam;
         for (int i = 0; i < nd_ + nc_; ++i) correction_[i] = -residual[i];
         newton_.solve(correction_.data(), correction_.data() + nd_);
+        turn_correction();
         double moved = 0;
         for (int i = 0; i < nd_; ++i) {
             q2[i] += correction_[i];

@@ -9,6 +9,9 @@
 // order), split `left` fd- = dt f, fd+ = 0 (dissertation 4.12). Those at the instants (at_instants()) act as constraints'
 // do: share f(q1, 0, u) is added to p1, share = dt but for an instant before which there was no step.
 //
+// A ball whose rotation is a quaternion (turning.hpp): of its three variables q1 is zero and q2 the rotation vector phi of the
+// step; p1 and p2 are momenta of turns in the body. Its quaternions at both ends stand behind the variables.
+//
 // State and input of the step as a discrete system, in the user's order of variables:
 //   x = [q; rho; p; v_rho],   u = [inputs; rho_next],   rho+ = rho_next,   v_rho+ = (rho_next - rho)/dt.
 #pragma once
@@ -17,10 +20,13 @@
 #include <memory>
 #include <vector>
 
+#include "discrete/turning.hpp"
 #include "dynamics/lagrangian.hpp"
 #include "dynamics/newton_matrix.hpp"
 
 namespace leastaction {
+
+struct StepHessian;  // step_hessian.hpp
 
 enum class Split { symmetric, left };
 // What eliminates the Newton matrix: NewtonMatrix, or TreeNewton where nothing couples variables but the tree, or
@@ -65,6 +71,7 @@ struct StepEnergy {
 class MidpointStep {
 public:
     MidpointStep(std::shared_ptr<const Mechanism> mechanism, const MidpointSettings& settings);
+    ~MidpointStep();
 
     // Problem and unknowns. Before solve(): q1, p1, u, the kinematic part of q2, and guesses of the rest of q2 and lam.
     std::vector<double> q1, p1, u, q2, lam, p2;
@@ -102,6 +109,14 @@ public:
     // After solve(), for derivatives: the Newton matrix at the solution itself, by elimination; false where it is singular.
     bool factor_at_solution(double dt) { return factored_at_solution_ || refresh(dt, false); }
     NewtonMatrix& newton() { return newton_; }
+    // q2 as configurations are placed: as it is, but for balls.
+    const double* end() const { return mechanism_->balls.empty() ? q2.data() : placed_.data(); }
+    const double* start_gradients() const { return C1_.data(); }
+    const StepHessian& table() const { return *table_; }  // with balls, after factor_at_solution()
+    // Of balls: how they turn over the step, and the rows D1Ld + fd- and D2Ld + fd+ before they were turned.
+    const std::vector<Turning>& turnings() const { return turnings_; }
+    const std::vector<double>& raw_start() const { return raw_start_; }
+    const std::vector<double>& raw_end() const { return raw_end_; }
     // The Lagrangian at the midpoint, with its second derivatives; what forces see there; the constraints at the start, and
     // their gradients (n_constraints x n_variables) at the end.
     const Lagrangian<double>& lagrangian() const { return lagrangian_; }
@@ -117,12 +132,15 @@ public:
     Split split() const { return settings_.split; }
 
 private:
+    void turn_ends();          // of balls: turnings_, their quaternions in q2 and end_
+    void turn_correction();    // of balls: from turns of the end to changes of phi
     void evaluate(double dt);  // residuals and p2 at (q2, lam)
     double largest_residual(const std::vector<double>& scale) const;
     // Newton matrix at the point of the last evaluate(), by the O(n) solver if `in_tree` and it can.
     bool refresh(double dt, bool in_tree);
     bool factor_tree(double dt);
     bool factor_dense(double dt);
+    bool factor_turned(double dt);
     void make_gradients();  // C1_ and C2_, where loops_ made do without
     void make_start_gradients();
     void list_entries();
@@ -169,6 +187,9 @@ private:
     LocalTaylor<double> local_;
     LocalForce<double> force_;
     std::vector<double> q_mid_, v_, f_, still_;
+    std::vector<Turning> turnings_;
+    std::vector<double> placed_, raw_start_, raw_end_, moved_inertia_;
+    std::unique_ptr<StepHessian> table_;   // null where there are no balls
     double potential_size_ = 0;            // of the largest slope of a potential
     double stored_ = 0, stored_size_ = 0;  // energy in potentials, and the sum of their sizes
     std::vector<double> inertia_;          // that rotors give each dynamic variable alone

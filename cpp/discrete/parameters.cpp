@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "discrete/step_hessian.hpp"
+
 namespace leastaction {
 
 NumberDuals::NumberDuals(const Mechanism& m) : start(m), end(m), middle(m), m_(m), still_(m.n_variables()) {}
@@ -9,8 +11,8 @@ NumberDuals::NumberDuals(const Mechanism& m) : start(m), end(m), middle(m), m_(m
 void NumberDuals::place_at(const MidpointStep& step) {
     const ForcePoint<double> at = step.middle();
     Q1.assign(step.q1.begin(), step.q1.end());
-    Q2.assign(step.q2.begin(), step.q2.end());
-    Q.assign(at.q, at.q + m_.n_variables());
+    Q2.assign(step.end(), step.end() + m_.n_coordinates());
+    Q.assign(at.q, at.q + m_.n_coordinates());
     V.assign(at.v, at.v + m_.n_variables());
     U_.assign(at.u, at.u + m_.n_inputs);
     place(m_.constraint_joints, Q1.data(), start);
@@ -27,7 +29,8 @@ void NumberDuals::look(const double* numbers, const double* direction) {
 }
 
 ParameterSlopes::ParameterSlopes(const Mechanism& mechanism) : duals(mechanism), m_(mechanism) {
-    for (auto* a : {&L_q_, &L_v_, &f_, &kick_, &L_qv_v_, &L_vv_v_, &f_v_v_, &force_}) a->resize(m_.n_variables());
+    for (auto* a : {&L_q_, &L_v_, &f_, &kick_, &L_qv_v_, &L_vv_v_, &f_v_v_, &force_, &start_, &end_})
+        a->resize(m_.n_variables());
 }
 
 void ParameterSlopes::set_along_velocity(const MidpointStep& step) {
@@ -109,8 +112,13 @@ void ParameterSlopes::differentiate(MidpointStep& step, const FirstOrder& first,
         }
         if (parameter.time_step) add_time_step(step, dt);
         for (int i = 0; i < nd; ++i) {
-            Y[i * ld + k] -= 0.5 * dt * L_q_[i] - L_v_[i] + km * f_[i] + kick_[i];
-            P2[i * ld + k] = 0.5 * dt * L_q_[i] + L_v_[i] + kp * f_[i];
+            start_[i] = 0.5 * dt * L_q_[i] - L_v_[i] + km * f_[i];
+            end_[i] = 0.5 * dt * L_q_[i] + L_v_[i] + kp * f_[i];
+        }
+        turn_rows_of(m_, step.turnings(), start_.data(), end_.data());
+        for (int i = 0; i < nd; ++i) {
+            Y[i * ld + k] -= start_[i] + kick_[i];
+            P2[i * ld + k] = end_[i];
         }
     }
     step.newton().solve(Y.data(), Y.data() + nd * ld, count, ld);

@@ -63,7 +63,7 @@ private:
     void set_along_velocity(const MidpointStep& step);
 
     const Mechanism& m_;
-    std::vector<double> L_q_, L_v_, f_, kick_;
+    std::vector<double> L_q_, L_v_, f_, kick_, start_, end_;
     // Products of second derivatives at the midpoint with its velocity, by variable: L_qv v, L_vv v, f_v v, and the force f.
     std::vector<double> L_qv_v_, L_vv_v_, f_v_v_, force_;
     LocalForce<double> local_;

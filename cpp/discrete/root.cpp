@@ -128,6 +128,7 @@ bool MidpointStep::correct_limit(double tau) {
         for (int i = 0; i < nq_; ++i) correction_[nd_ + c] -= C1_[c * nq_ + i] * (q2[i] - q1[i]);
     }
     newton_.solve(correction_.data(), correction_.data() + nd_);
+    turn_correction();
     for (int i = 0; i < nd_; ++i) path_v_[i] = (q2[i] - q1[i] + correction_[i]) / tau;
     std::copy(correction_.begin() + nd_, correction_.end(), lam.begin());
     return std::all_of(path_v_.begin(), path_v_.end(), [](double v) { return std::isfinite(v); });
@@ -135,7 +136,7 @@ bool MidpointStep::correct_limit(double tau) {
 
 bool MidpointStep::guess_limit(double dt) {
     const double tau = limit_part * dt;
-    std::copy(q2.begin() + nd_, q2.end(), rho2_.begin());
+    std::copy(q2.begin() + nd_, q2.begin() + nq_, rho2_.begin());
     std::copy(q1.begin(), q1.begin() + nd_, q2.begin());
     for (int i = nd_; i < nq_; ++i) q2[i] = q1[i] + limit_part * (q2[i] - q1[i]);
     place(mechanism_->prescribed_constraint_joints, q2.data(), at2_);
@@ -191,6 +192,7 @@ bool MidpointStep::follow(double from, double to, double dt) {
         if (corrections != 1 && !refresh(to, true)) return false;
         for (int i = 0; i < nd_ + nc_; ++i) correction_[i] = -residual[i];
         newton_.solve(correction_.data(), correction_.data() + nd_);
+        turn_correction();
         double size = 0, floor = 0;
         for (int i = 0; i < nd_; ++i) {
             size += root_inertia_[i] * root_inertia_[i] * correction_[i] * correction_[i];

@@ -85,7 +85,7 @@ void judge_worst(MidpointStep& step, const Layout& at, double dt, double share, 
     at.start(x, u, share, step);
     step.place_start();
     if (!step.guess_limit(dt)) return;
-    for (int i = 0; i < at.nd; ++i) step.q2[i] = end[at.m.external[i]];
+    at.finish(step, end);
     worst.s = step.judge(dt);
 }
 
@@ -98,7 +98,7 @@ RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* x
     RollOut out;
     EnergyRows noted;
     Extrapolation series(at);
-    std::vector<double> deviation(at.nx), reference(at.nd);
+    std::vector<double> deviation(at.ndx), reference(at.nd);
     const auto note_worst = [&](int k, double s) {
         const int most = step.most_turned();
         out.worst = {k, s, step.largest_turn(), most < 0 ? -1 : at.m.external[most]};
@@ -109,17 +109,15 @@ RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* x
         const double* xbar_k = xbar ? xbar + static_cast<std::size_t>(k) * at.nx : nullptr;
         std::copy(ubar + static_cast<std::size_t>(k) * at.nu, ubar + static_cast<std::size_t>(k + 1) * at.nu, u);
         if (K) {
-            const double* K_k = K + static_cast<std::size_t>(k) * at.nu * at.nx;
-            for (int i = 0; i < at.nx; ++i) deviation[i] = x[i] - xbar_k[i];
+            const double* K_k = K + static_cast<std::size_t>(k) * at.nu * at.ndx;
+            at.difference(x, xbar_k, deviation.data());
             Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gain(K_k, at.nu,
-                                                                                                          at.nx);
+                                                                                                          at.ndx);
             Eigen::Map<Eigen::VectorXd> input(u, at.nu);
-            input.noalias() -= gain * Eigen::Map<const Eigen::VectorXd>(deviation.data(), at.nx);
+            input.noalias() -= gain * Eigen::Map<const Eigen::VectorXd>(deviation.data(), at.ndx);
         }
         const double dt = t[k + 1] - t[k], share = at.share(k, dt, first_share);
-        if (xbar)
-            for (int i = 0; i < at.nd; ++i)
-                reference[i] = (xbar_k[at.nx + at.m.external[i]] - xbar_k[at.m.external[i]]) / dt;
+        if (xbar) at.velocity(xbar_k, dt, reference.data());
         if (k == 0) {
             at.start(x, u, share, step);
             step.place_start();
@@ -154,7 +152,7 @@ RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* x
         if (is_worse(out.worst, report.s, turn)) note_worst(k, report.s);
         at.state(step, dt, X + static_cast<std::size_t>(k + 1) * at.nx);
         std::copy(step.lam.begin(), step.lam.end(), lam + static_cast<std::size_t>(k) * at.nc);
-        if (energies) noted.note(step, dt, x + at.nq, energies + static_cast<std::size_t>(k) * EnergyRows::width);
+        if (energies) noted.note(step, dt, x + at.nqx, energies + static_cast<std::size_t>(k) * EnergyRows::width);
         series.take(step, dt, xbar ? reference.data() : nullptr);
         step.advance();
         out.steps = k + 1;

@@ -34,7 +34,7 @@ int padded(int n) { return (n + LoopNewton::lanes - 1) / LoopNewton::lanes * Loo
 }  // namespace
 
 bool LoopNewton::fits(const Mechanism& m) {
-    if (!m.plain || !m.only_tree_couples || m.constraints.empty()) return false;
+    if (!m.plain || !m.only_tree_couples || m.constraints.empty() || !m.balls.empty()) return false;
     const auto moved_alone = [&](int joint) {
         for (; joint >= 0; joint = m.joints[joint].parent)
             if (joint >= m.n_massive || m.joints[joint].variable >= m.n_dynamic) return false;

@@ -5,7 +5,7 @@
 namespace leastaction {
 
 MovedPoints::MovedPoints(const Constants& constants, const std::vector<Point>& points, const std::vector<int>& external)
-    : external_(external), q_(external.size()), at_(constants) {
+    : external_(external), at_(constants) {
     for (const Point& point : points) {
         Moved moved{point.offset, point.offset, {}, {}};
         for (int j = point.joint; j >= 0; j = constants.joints[j].parent) moved.way.push_back(j);
@@ -18,8 +18,7 @@ MovedPoints::MovedPoints(const Constants& constants, const std::vector<Point>& p
 }
 
 void MovedPoints::place_at(const double* q) {
-    for (std::size_t i = 0; i < q_.size(); ++i) q_[i] = q[external_[i]];
-    place(joints_, q_.data(), at_);
+    place(joints_, q, at_);
     for (Moved& point : points_) {
         if (point.way.empty()) continue;
         const Pose<double>& pose = at_.pose[point.way.back()];

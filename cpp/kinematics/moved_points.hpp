@@ -18,7 +18,7 @@ public:
     // `points`: behind joint -1 those of the world. `external`: the places of variables in arrays of the caller's.
     MovedPoints(const Constants& constants, const std::vector<Point>& points, const std::vector<int>& external);
 
-    // Goes to a configuration, by the caller's order of variables.
+    // Goes to a configuration, in the internal order.
     void place_at(const double* q);
 
     std::size_t n_variables() const { return external_.size(); }
@@ -40,7 +40,6 @@ private:
     const std::vector<int>& external_;
     std::vector<Moved> points_;
     std::vector<int> joints_;  // of all ways, parents before children
-    std::vector<double> q_;    // by the internal order
     Placement<double> at_;
     std::array<std::vector<double>, 3> apart_;  // components of the derivatives by the variables, in add_apart
 };

@@ -32,6 +32,7 @@ struct Joint {
     Pose<double> base;
     Motion<double> twist;
     std::vector<Term> more;
+    int quaternion = -1;  // of rx of a ball, a screw here: where its four numbers stand in q, scalar first
 
     template <class T>
     T coordinate(const T* q) const {

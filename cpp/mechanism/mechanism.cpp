@@ -179,6 +179,11 @@ int MechanismBuilder::check_joint(int joint) const {
     return joint == -1 ? -1 : checked(joint, joints_.size(), "joint");
 }
 int MechanismBuilder::check_variable(int variable) const {
+    for (const int joint : balls_) {
+        const int turned = variable - joints_[joint].variable;
+        if (turned >= 0 && turned < 3)
+            throw std::invalid_argument("the turns of a rotation that is a quaternion are no coordinates to act on");
+    }
     return checked(variable, n_dynamic_ + n_kinematic_, "configuration variable");
 }
 int MechanismBuilder::check_point(int point) const { return checked(point, points_.size(), "point"); }
@@ -213,6 +218,19 @@ void MechanismBuilder::couple_joint(int joint, int variable, double factor) {
     Joint& coupled = joints_[check_joint(joint)];
     coupled.more.push_back({check_variable(variable), factor});
     coupled.simple = false;
+}
+void MechanismBuilder::add_ball(int joint) {
+    check_joint(joint);
+    const int last = joint + 2;
+    bool fits = joint >= 0 && last < static_cast<int>(joints_.size());
+    for (int j = joint; fits && j <= last; ++j) {
+        const Joint& of = joints_[j];
+        fits = of.simple && of.more.empty() && of.axis == static_cast<Axis>(j - joint) && of.variable < n_dynamic_ &&
+               of.variable == joints_[joint].variable + j - joint && (j == joint || of.parent == j - 1);
+    }
+    if (!fits)
+        throw std::invalid_argument("a ball is three joints rx, ry, rz in a row, with dynamic variables in a row");
+    balls_.push_back(joint);
 }
 void MechanismBuilder::add_body(int joint, const Body& body) { bodies_.emplace_back(check_joint(joint), body); }
 int MechanismBuilder::add_point(int joint, const Vec3<double>& offset) {
@@ -393,6 +411,16 @@ void MechanismBuilder::order_variables(Mechanism& m) const {
         m.internal[m.external[i]] = i;
         m.same_order = m.same_order && m.external[i] == i;
     }
+    m.places = m.external;
+    for (const int joint : balls_) {
+        const int variable = joints_[joint].variable;
+        for (int i = 0; i < nq; ++i) m.places[i] += m.external[i] > variable;
+    }
+    for (const int joint : balls_) {
+        if (joint + 2 >= m.n_massive) throw std::invalid_argument("a ball that moves no mass");
+        const int first = m.internal[joints_[joint].variable];
+        m.balls.push_back({first, nq + 4 * static_cast<int>(m.balls.size()), m.places[first]});
+    }
 }
 
 // Everything that may change while the structure stays.
@@ -409,6 +437,10 @@ void MechanismBuilder::set_numbers(Mechanism& m) const {
     for (Joint& joint : m.joints) {
         joint.variable = m.internal[joint.variable];
         for (Term& term : joint.more) term.variable = m.internal[term.variable];
+    }
+    for (std::size_t b = 0; b < balls_.size(); ++b) {
+        m.joints[balls_[b]].axis = Axis::screw;
+        m.joints[balls_[b]].quaternion = m.balls[b].quaternion;
     }
     m.bodies.assign(m.n_massive, Body{});
     m.fixed_potential = 0;
@@ -462,7 +494,7 @@ std::shared_ptr<const Mechanism> MechanismBuilder::build_like(const Mechanism& o
                        other.numbers.size() == numbers_.size() && other.gravity_slot == gravity_slot_ &&
                        other.constraints.size() == constraints_.size() &&
                        other.potentials.size() == potentials_.size() && other.forces.size() == forces_.size() &&
-                       other.rotors.size() == rotors_.size();
+                       other.rotors.size() == rotors_.size() && other.balls.size() == balls_.size();
     // Elements hold the factors of the joints that move them.
     const auto same_factors = [](const Joint& a, const Joint& b) {
         return a.factor == b.factor && std::ranges::equal(a.more, b.more, {}, &Term::factor, &Term::factor);
@@ -491,6 +523,8 @@ std::shared_ptr<const Mechanism> with_numbers(const Mechanism& mechanism, std::v
 
 std::shared_ptr<const Mechanism> at_instants(const Mechanism& mechanism, const std::vector<int>& inputs) {
     const auto late = [&](int input) { return std::ranges::find(inputs, input) != inputs.end(); };
+    if (!mechanism.balls.empty() && !inputs.empty())
+        throw std::invalid_argument("forces at the instants: not of a mechanism with rotations that are quaternions");
     auto m = std::make_shared<Mechanism>(mechanism);
     m->forces.clear();
     m->joint_forces.clear();

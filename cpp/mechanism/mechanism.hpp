@@ -46,21 +46,34 @@ struct Rotor {
     }
 };
 
+// A ball joint whose rotation is a unit quaternion: three joints rx, ry, rz in one frame whose variables are the coordinates
+// of a chart about that rotation. They are zero wherever it is evaluated; their rates are the body's angular velocity.
+struct Ball {
+    int variable;    // the first of three, internal
+    int quaternion;  // where its four numbers stand in q, behind the variables; internal
+    int place;       // and in the user's configuration
+};
+
 class Mechanism : public Constants {
 public:
     int n_dynamic = 0, n_kinematic = 0, n_inputs = 0;
     int n_variables() const { return n_dynamic + n_kinematic; }
     int n_constraints() const { return static_cast<int>(constraints.size()); }
-    int n_states() const { return 2 * n_variables(); }
+    int n_coordinates() const { return n_variables() + 4 * static_cast<int>(balls.size()); }  // of an internal q
+    int n_configuration() const { return n_variables() + static_cast<int>(balls.size()); }    // of the user's
+    int n_states() const { return n_configuration() + n_variables(); }
+    int n_tangent() const { return 2 * n_variables(); }  // of differences of states
     int n_controls() const { return n_inputs + n_kinematic; }
 
     Vec3<double> gravity;
     int gravity_slot = -1;  // where its three numbers are; -1: there is none
     int n_massive = 0;
-    std::vector<Body> bodies;    // by massive joint
-    std::vector<int> external;   // internal variable -> user's
-    std::vector<int> internal;   // user's variable -> internal
-    bool same_order = true;      // internal and user's order agree
+    std::vector<Body> bodies;   // by massive joint
+    std::vector<int> external;  // internal variable -> user's
+    std::vector<int> internal;  // user's variable -> internal
+    bool same_order = true;     // internal and user's order agree
+    std::vector<Ball> balls;
+    std::vector<int> places;     // internal variable -> the user's configuration, but for those of balls
     bool plain = true;           // the coordinate of every massive joint is a variable of its own
     double fixed_potential = 0;  // of masses fixed in the world
 
@@ -172,6 +185,7 @@ public:
     int add_joint(int parent, const Pose<double>& base, const Motion<double>& twist, int variable, double factor,
                   double offset);
     void couple_joint(int joint, int variable, double factor);  // one more term of its coordinate
+    void add_ball(int joint);  // this joint and the next two are a ball's, and turn behind a rotation of its own
     void add_body(int joint, const Body& body);
     int add_point(int joint, const Vec3<double>& offset);
     int set_gravity(const Vec3<double>& g);  // slot of its first component
@@ -233,6 +247,7 @@ private:
     int n_dynamic_, n_kinematic_, n_inputs_;
     int gravity_slot_ = -1;
     std::vector<Joint> joints_;
+    std::vector<int> balls_;  // first joints
     std::vector<std::pair<int, Body>> bodies_;
     std::vector<Point> points_, directions_;
     std::vector<double> numbers_;

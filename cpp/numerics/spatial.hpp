@@ -65,6 +65,16 @@ auto transposed_times(const Mat3<T>& m, const Vec3<U>& a) {
     return Vec3<decltype(m.c0.x * a.x)>{dot(m.c0, a), dot(m.c1, a), dot(m.c2, a)};
 }
 
+// The rotation of a unit quaternion, scalar first.
+template <class T>
+Mat3<T> rotation_of(const T* quaternion) {
+    const T &w = quaternion[0], &x = quaternion[1], &y = quaternion[2], &z = quaternion[3];
+    const auto turned = [](const T& diagonal) { return T(1.0) - 2.0 * diagonal; };
+    return {{turned(y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)},
+            {2.0 * (x * y - w * z), turned(x * x + z * z), 2.0 * (y * z + w * x)},
+            {2.0 * (x * z + w * y), 2.0 * (y * z - w * x), turned(x * x + y * y)}};
+}
+
 // Symmetric 3x3: xx, yy, zz, xy, xz, yz.
 template <class T>
 struct Sym3 {

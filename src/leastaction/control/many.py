@@ -127,7 +127,7 @@ def simulate_many(
     starts = np.ascontiguousarray(np.broadcast_to(starts, (B, nx)))
     if given is None:
         resting = np.zeros((B, 1, nu))
-        resting[:, 0, m.n_inputs :] = starts[:, m.nd : m.nq]
+        resting[:, 0, m.n_inputs :] = starts[:, m.nq - m.nrho : m.nq]
         given = np.broadcast_to(resting, (B, N, nu))
     u = np.ascontiguousarray(np.broadcast_to(given, (B, N, nu)))
     cores = _cores(integrator, values, B)

@@ -42,7 +42,7 @@ class _StepwisePlant(Plant):
         system, parts = self.system, self.substeps
         if parts == 1:
             return np.array(system.f(x, u, min(k, system.N - 1)))
-        m, before = system.mechanism, x[system.mechanism.nd : system.mechanism.nq]
+        m, before = system.mechanism, x[system.mechanism.nq - system.mechanism.nrho : system.mechanism.nq]
         for j in range(parts):
             row = u.copy()
             # Prescribed variables go evenly to where they are commanded.

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from leastaction.errors import ArgumentError, LeastActionError, unknown
 from leastaction.mechanics.elements import Element, JointForce
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_number, require_instance
 from leastaction.optimal.discrete.cost import Cost
@@ -107,6 +108,7 @@ def embed(
     check_options(options, "the last stage, which starts from the one before")
     check_last_limits(system, options)
     m, N = system.mechanism, system.N
+    angles_only(m, "embed")
     x, u = given_start(system, initial)
     limit = as_number(tolerance, "tolerance", above=0.0)
 

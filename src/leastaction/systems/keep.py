@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.moved_points import MovedPoints
 from leastaction.numerics.arrays import Array, as_array
@@ -31,6 +32,7 @@ class _PlaceOfFrame(Quantity):
 
     def __init__(self, mechanism: Mechanism, t: Array, keep: Keep, region: Region) -> None:
         self.mechanism, self.region = mechanism, region.over(t)
+        angles_only(mechanism, "Keep")
         self.keep, self.t = keep, t
         self.frame, self.point, self.origin = keep.frame, np.asarray(keep.point, dtype=np.float64), keep.origin
         place = keep.frame if keep.origin is None else f"{keep.frame} from {keep.origin}"
@@ -109,6 +111,7 @@ class _PlacesOfFrames(Quantity):
 
     def __init__(self, mechanism: Mechanism, points: Sequence[tuple[str, Array]], balls: Balls) -> None:
         self.mechanism, self.balls, self.names = mechanism, balls, balls.names
+        angles_only(mechanism, "Keep")
         keys = [(frame, *point.tolist()) for frame, point in points]
         distinct = list(dict.fromkeys(keys))
         self._of = [distinct.index(key) for key in keys]

@@ -27,6 +27,7 @@ from leastaction.numerics.frozen import changed, restore_state, saved_state
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, check_window
 from leastaction.optimal.quantity import Quantity
+from leastaction.optimal.space import ProductSpace, Rotations, StateSpace, Vectors
 from leastaction.optimal.system import Linearization
 from leastaction.systems.quantities.discrete import ACROSS, KINDS, quantity_of
 from leastaction.systems.quantities.physical import conditions_of
@@ -69,6 +70,7 @@ class MidpointSystem(DiscreteSystem):
         self.multipliers = multipliers
         self.nx = m.nx + (m.nc if multipliers else 0)
         self.nu = m.n_inputs + m.nrho
+        self.space = _space_of(m, multipliers=multipliers)
         self.N = len(self.t) - 1
         self.first_share = 1.0
         self._pattern = step_pattern(m, multipliers=multipliers)
@@ -140,33 +142,38 @@ class MidpointSystem(DiscreteSystem):
         """
         m = self.mechanism
         chosen = list(range(m.nx)) if free is None else [i for i in self.free_entries(free) if i < m.nx]
-        variables = [i for i in chosen if i < m.nq]
-        momenta = [i for i in chosen if m.nq <= i < m.nq + m.nd]
+        if self.space is not None:
+            # A direction is free where all is that it moves.
+            held = np.ones(self.nx, dtype=np.bool_)
+            held[chosen] = False
+            chosen = np.flatnonzero(~self.space.pattern[held].any(axis=0) & (np.arange(self.ndx) < m.ndx)).tolist()
+        variables = [i for i in chosen if i < m.nv]
+        momenta = [i for i in chosen if m.nv <= i < m.nv + m.nd]
         if not m.nc:
-            return np.eye(self.nx)[:, [*(i for i in chosen if i >= m.nq + m.nd), *variables, *momenta]]
-        blocks = [np.eye(self.nx)[:, [i for i in chosen if i >= m.nq + m.nd]]]
-        whole = np.zeros((self.nx, len(variables)))
+            return np.eye(self.ndx)[:, [*(i for i in chosen if i >= m.nv + m.nd), *variables, *momenta]]
+        blocks = [np.eye(self.ndx)[:, [i for i in chosen if i >= m.nv + m.nd]]]
+        whole = np.zeros((self.ndx, len(variables)))
         whole[variables, np.arange(len(variables))] = 1.0
         q = np.ascontiguousarray(x[: m.nq])
         Dh = m.constraint_jacobian(q)
         blocks.append(whole @ NullSpace.of(Dh[:, variables]).basis)
         # A momentum that constraints take up at once moves nothing: M times the velocities that they allow is left.
-        moving = np.zeros((self.nx, m.nd))
-        moving[m.nq : m.nq + m.nd] = np.eye(m.nd)
+        moving = np.zeros((self.ndx, m.nd))
+        moving[m.nv : m.nv + m.nd] = np.eye(m.nd)
         moving = moving @ m.mass_matrix(q)[: m.nd, : m.nd] @ NullSpace.of(Dh[:, : m.nd]).basis
-        held = [i for i in range(m.nq, m.nq + m.nd) if i not in momenta]
-        moving = moving @ NullSpace.of(moving[held]).basis
+        fixed = [i for i in range(m.nv, m.nv + m.nd) if i not in momenta]
+        moving = moving @ NullSpace.of(moving[fixed]).basis
         return np.hstack([*blocks, moving])
 
     def idle_directions(self, x: Array) -> Array:
         """Return the momenta (nx, n) that constraints take up at once; at the end of a step they are what they are."""
         m = self.mechanism
-        whole = np.zeros((self.nx, 0))
+        whole = np.zeros((self.ndx, 0))
         if m.nc:
             Dh = m.constraint_jacobian(np.ascontiguousarray(x[: m.nq]))[:, : m.nd]
             taken_up = NullSpace.of(NullSpace.of(Dh).basis.T).basis
-            whole = np.zeros((self.nx, taken_up.shape[1]))
-            whole[m.nq : m.nq + m.nd] = taken_up
+            whole = np.zeros((self.ndx, taken_up.shape[1]))
+            whole[m.nv : m.nv + m.nd] = taken_up
         return whole
 
     def check_start(self, x: Array) -> None:
@@ -182,10 +189,10 @@ class MidpointSystem(DiscreteSystem):
 
     def moved_start(self, x: Array, dx: Array) -> Array:
         m = self.mechanism
-        moved = x + dx
+        moved = self.plus(x, dx)
         if m.nc:
             q = np.ascontiguousarray(moved[: m.nq])
-            still = [name for name, change in zip(m.variables, dx[: m.nq], strict=True) if change == 0.0]
+            still = [name for name, change in zip(m.variables, dx[: m.nv], strict=True) if change == 0.0]
             moved[: m.nq] = project_configuration(m, q, hold=still, move_kinematic=True).q
         return moved
 
@@ -229,7 +236,7 @@ class MidpointSystem(DiscreteSystem):
 
     def differentiate_by(self, x: Array, u: Array, names: Sequence[str], start: int = 0) -> Array:
         bare, t = self._bare(x), self.t[start : start + len(x)]
-        out = np.empty((len(u), self.nx, len(names)))
+        out = np.empty((len(u), self.ndx, len(names)))
         numbers = [name for name in names if name != FINAL_TIME]
         vi, share = self.integrator, self._share(start)
         found = [(numbers, steps_by(vi, t, bare, u, numbers, first_share=share), 1.0)] if numbers else []
@@ -244,7 +251,7 @@ class MidpointSystem(DiscreteSystem):
 
     def curvature_by_final_time(self, x: Array, u: Array, z: Array, start: int = 0) -> Array | None:
         """Return all second derivatives at once; None of a system that steps otherwise, as of its parameters."""
-        if type(self).f is not MidpointSystem.f:
+        if type(self).f is not MidpointSystem.f or self.space is not None:
             return None
         t, vi = self.t[start : start + len(x)], self.integrator
         out = vi.core.curvature_by_time_step(
@@ -260,7 +267,7 @@ class MidpointSystem(DiscreteSystem):
     ) -> Array | None:
         """Return second derivatives by numbers of elements; None where a name is another number, or the final time."""
         vi, m = self.integrator, self.mechanism
-        if FINAL_TIME in names or type(self).f is not MidpointSystem.f:
+        if FINAL_TIME in names or type(self).f is not MidpointSystem.f or self.space is not None:
             return None
         slots = m.slots_of_elements(names)
         if slots is None:
@@ -284,7 +291,7 @@ class MidpointSystem(DiscreteSystem):
             Where it would have to, and is not free.
         """
         m = self.mechanism
-        out = np.zeros((self.nx, len(names)))
+        out = np.zeros((self.ndx, len(names)))
         numbers = [name for name in names if name != FINAL_TIME]
         if m.nc and numbers:
             entries = () if free is False else range(m.nq) if free is True else self.free_entries(list(free))
@@ -326,7 +333,7 @@ class MidpointSystem(DiscreteSystem):
 
     def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
         m = self.mechanism
-        if self.multipliers and np.any(K[start:stop, :, m.nx :]):
+        if self.multipliers and np.any(K[start:stop, :, m.ndx :]):
             # The core feeds back no multipliers. Nothing depends on them, so no optimal gain is lost with
             # theirs; a gain that does have them takes the slow way.
             return super().rollout(x0, xbar, ubar, K, start, stop)
@@ -335,7 +342,7 @@ class MidpointSystem(DiscreteSystem):
             x0[: m.nx],
             self._bare(xbar[start : stop + 1]),
             ubar[start:stop],
-            np.ascontiguousarray(K[start:stop, :, : m.nx]),
+            np.ascontiguousarray(K[start:stop, :, : m.ndx]),
             first_share=self._share(start),
         )
         done = out.steps
@@ -352,7 +359,7 @@ class MidpointSystem(DiscreteSystem):
     ) -> tuple[Linearization, Array]:
         if tuple(names) != (FINAL_TIME,) or type(self).linearize is not MidpointSystem.linearize:
             return super().linearize_by(x, u, names, out)
-        by = np.empty((self.N, self.nx))
+        by = np.empty((self.N, self.ndx))
         d = self._linearize(self.t, x, u, self.first_share, _memory_of(out), by)
         by *= np.diff(self.t)[:, None] / (self.t[-1] - self.t[0])
         return self._linearization(d), by[:, :, None]
@@ -416,7 +423,7 @@ class MidpointSystem(DiscreteSystem):
         x = np.zeros((self.N + 1, self.nx))
         x[:, : m.nq], x[:, m.nq : m.nq + m.nd] = q, p
         x[0, m.nq + m.nd : m.nx] = first
-        x[1:, m.nq + m.nd : m.nx] = np.diff(q[:, m.nd :], axis=0) / np.diff(self.t)[:, None]
+        x[1:, m.nq + m.nd : m.nx] = np.diff(q[:, m.nq - m.nrho :], axis=0) / np.diff(self.t)[:, None]
         return x
 
     def _failure(self, status: StepStatus, worst: StepQuality | None, k: int) -> str:
@@ -485,3 +492,19 @@ def _memory_of(out: Linearization | None) -> StepDerivatives | None:
             f"out: got a linearization with the memory {type(memory).__name__}, expected one that this system returned"
         )
     return memory
+
+
+def _space_of(m: Mechanism, *, multipliers: bool) -> StateSpace | None:
+    """Return where the states of a mechanism live; None where they are plain vectors."""
+    if not m.tree.rotations:
+        return None
+    firsts = {rotation.quaternion[0] for rotation in m.tree.rotations}
+    parts: list[StateSpace] = []
+    plain, i = 0, 0
+    while i < m.nq:
+        if m.coordinates[i] in firsts:
+            parts += [Vectors(plain), Rotations()] if plain else [Rotations()]
+            plain, i = 0, i + 4
+        else:
+            plain, i = plain + 1, i + 1
+    return ProductSpace(*parts, Vectors(plain + m.nv + (m.nc if multipliers else 0)))

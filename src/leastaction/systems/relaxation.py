@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, brief, unknown
 from leastaction.mechanics.elements.base import Constraint
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_number, require_instance
 from leastaction.optimal.discrete.cost import Cost, QuadraticCost
@@ -95,6 +96,7 @@ def relax(
     """
     _check(system, cost, options)
     m = system.mechanism
+    angles_only(m, "relax")
     names = _chosen(m, constraints)
     least, most = _range(stiffness)
     limit = as_number(tolerance, "tolerance", above=0.0)
@@ -185,6 +187,7 @@ def by_tensions(
     if type(cost) is not QuadraticCost:
         raise ArgumentError(f"cost: got {type(cost).__name__}, expected a QuadraticCost: lengths are left out of it")
     whole = system.mechanism
+    angles_only(whole, "by_tensions")
     strings = _strings(whole)
     m = whole.with_exchanged({name: [force] for name, force in strings.items()})
     late = [name for name in m.inputs if name not in whole.inputs]

@@ -13,6 +13,7 @@ from leastaction.mechanics.configuration.assembly import project_configuration, 
 from leastaction.mechanics.continuous.legendre import to_momentum, to_velocity
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.elements.base import Constraint
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, require_instance
 from leastaction.optimal.result import OptimizationResult
@@ -69,6 +70,8 @@ def warm_start(
     for what, system in (("from_system", from_system), ("to_system", to_system)):
         require_instance(system, what, MidpointSystem)
     old, new = from_system.mechanism, to_system.mechanism
+    for m in (old, new):
+        angles_only(m, "warm_start")
     x, u = _arrays(found, from_system)
     names = _names(old, rename)
     variables = [names.get(name, name) for name in old.variables]

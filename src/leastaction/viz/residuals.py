@@ -11,6 +11,7 @@ from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import Trajectory
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.numerics.arrays import Array
 from leastaction.viz.figures import GREY, PALE, styled
 from leastaction.viz.panels import LINES, PanelRow, legend_above, limit_time, stack
@@ -103,6 +104,7 @@ def _lacking(motion: Trajectory | ContinuousTrajectory) -> tuple[Array, Array]:
 def _impulses(run: Trajectory) -> tuple[Array, Array, Array]:
     """Return the impulses (N, nd) at the ends and the starts of steps, and of constraints at their starts."""
     m, dt, shares = run.mechanism, np.diff(run.t)[:, None], MidpointVI(run.mechanism).shares
+    angles_only(run.mechanism, "residuals")
     states = list(zip(0.5 * (run.q[1:] + run.q[:-1]), run.v, run.inputs, strict=True))
     slopes = [m.core.gradient(q, v) for q, v, _ in states]
     L_q, L_v = (np.array([slope[i] for slope in slopes]).reshape(len(dt), m.nq)[:, : m.nd] for i in (0, 1))

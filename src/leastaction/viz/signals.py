@@ -120,7 +120,7 @@ def states_of(source: Drawn) -> list[Signal]:
             rates = (*(f"p_{name}" for name in m.dynamic), *(f"v_{name}" for name in m.kinematic))
         else:
             rates = tuple(f"v_{name}" for name in m.variables)
-        names, units = (*m.variables, *rates), state_units(m, momenta=not isinstance(source, ContinuousTrajectory))
+        names, units = (*m.coordinates, *rates), state_units(m, momenta=not isinstance(source, ContinuousTrajectory))
     columns = zip(names, units, source.x.T, strict=True)
     return [Signal(name=name, unit=unit, t=source.t, values=values) for name, unit, values in columns]
 

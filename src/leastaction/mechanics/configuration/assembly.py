@@ -12,6 +12,7 @@ from leastaction.errors import ArgumentError, InconsistentStartError, some, wors
 from leastaction.mechanics.configuration.constraint_projection import ConstraintProjection
 from leastaction.mechanics.configuration.contradiction import contradictory, find_contradiction
 from leastaction.mechanics.configuration.null_space import Indices, free_variables, restoring, row_scales
+from leastaction.mechanics.mechanism.arguments import angles_only, rates, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, require_instance
 
@@ -84,7 +85,7 @@ def check_consistent(mechanism: Mechanism, q: ArrayLike, *, tolerance: float = 1
     """
     require_instance(mechanism, "mechanism", Mechanism)
     as_number(tolerance, "tolerance", above=0.0, below=1.0)
-    values = mechanism.constraint_values(as_array(q, "q", (mechanism.nq,), names=mechanism.variables))
+    values = mechanism.constraint_values(single(mechanism, q))
     limits = tolerance * row_scales(mechanism.constraint_jacobian(q))
     if not np.all(np.abs(values) <= limits):
         residuals = dict(zip(mechanism.constraints, values, strict=True))
@@ -108,7 +109,7 @@ def check_lengths(mechanism: Mechanism, q: Array, t: Array | None = None) -> Non
         variable = element.length_variable
         if variable is None:
             continue
-        lengths = rows[:, mechanism.variables.index(variable)]
+        lengths = rows[:, mechanism.coordinates.index(variable)]
         if np.any(lengths <= 0.0):
             k = int(np.argmax(lengths <= 0.0))
             when = "" if t is None else f" at t = {t[k]:.6g} s"
@@ -185,6 +186,7 @@ def project_configuration(
         If no such configuration is found for another reason. Both carry the residuals by constraint name.
     """
     require_instance(mechanism, "mechanism", Mechanism)
+    angles_only(mechanism, "project_configuration")
     start = as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
     free = free_variables(mechanism, hold, move_kinematic)
     as_count(attempts, "attempts", 1)
@@ -246,7 +248,7 @@ def project_velocity(
     """
     require_instance(mechanism, "mechanism", Mechanism)
     as_number(tolerance, "tolerance", above=0.0, below=1.0)
-    given = as_array(v, "v", (mechanism.nq,), names=mechanism.variables)
+    given = rates(mechanism, v)
     jacobian = mechanism.constraint_jacobian(q)
     free = free_variables(mechanism, hold, move_kinematic)
     root = np.sqrt(_weights(mechanism, weights)[free])
@@ -291,11 +293,11 @@ def _worst(residuals: Mapping[str, float], limits: Array) -> str:
 
 def _weights(mechanism: Mechanism, weights: Mapping[str, float] | ArrayLike | None) -> Array:
     if weights is None:
-        return np.ones(mechanism.nq)
+        return np.ones(mechanism.nv)
     if isinstance(weights, Mapping):
         values = mechanism.configuration(weights, default=1.0)
     else:
-        values = as_array(weights, "weights", (mechanism.nq,), names=mechanism.variables)
+        values = as_array(weights, "weights", (mechanism.nv,), names=mechanism.variables)
     for name, value in zip(mechanism.variables, values, strict=True):
         if value <= 0.0:
             raise ArgumentError(

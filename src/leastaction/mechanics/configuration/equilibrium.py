@@ -32,7 +32,7 @@ from leastaction.mechanics.configuration.null_space import (
     restoring,
     row_scales,
 )
-from leastaction.mechanics.mechanism.arguments import inputs_of
+from leastaction.mechanics.mechanism.arguments import angles_only, inputs_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_choice, as_count, as_number, require_instance
 from leastaction.numerics.frozen import Frozen
@@ -142,6 +142,7 @@ def equilibrium(
         or is not smooth there, or the iterations were too few.
     """
     require_instance(mechanism, "mechanism", Mechanism)
+    angles_only(mechanism, "equilibrium")
     as_choice(kind, "kind", get_args(Kind))
     as_number(tolerance, "tolerance", above=0.0, below=1.0)
     as_count(max_iterations, "max_iterations", 0)

@@ -54,7 +54,7 @@ def free_variables(mechanism: Mechanism, hold: Sequence[str], move_kinematic: bo
     for name in hold:
         if name not in mechanism.variables:
             raise unknown("variable", name, mechanism.variables, "hold")
-    count = mechanism.nq if move_kinematic else mechanism.nd
+    count = mechanism.nv if move_kinematic else mechanism.nd
     held = set(hold)
     return np.array([i for i, name in enumerate(mechanism.variables[:count]) if name not in held], dtype=np.intp)
 

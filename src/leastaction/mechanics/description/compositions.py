@@ -3,11 +3,15 @@
 A composition stands in a description like a frame: bodies, a name and children belong to the last of its frames. Its
 variables are the parameters of the simple joints, so everything that can be done with a variable can be done with them.
 
-A ball (and the rotation of a free joint) is three rotations, hence Euler angles, and has their
-singularity: where the middle angle is 90 degrees (any three different axes), or 0 (first and last axis the
-same), the outer and the inner axis are parallel, the angles are not determined by the motion, and the
-mass matrix is singular. No choice of three angles is free of it; choose ``axes`` so that the motion stays
-away from it. `MidpointVI` warns (`SingularityWarning`) when a simulation comes near.
+A ball (and the rotation of a free joint) is three rotations, hence Euler angles, or with ``axes="quaternion"`` one that
+is held as a unit quaternion and has no singularity: four numbers ``name.qw name.qx name.qy name.qz`` in the
+configuration, scalar first, and three rates ``name.wx name.wy name.wz``, the angular velocity in the axes of the moved
+frame.
+
+Angles have their singularity: where the middle angle is 90 degrees (any three different axes), or 0 (first and last
+axis the same), the outer and the inner axis are parallel, the angles are not determined by the motion, and the mass
+matrix is singular. No choice of three angles is free of it; choose ``axes`` so that the motion stays away from it.
+`MidpointVI` warns (`SingularityWarning`) when a simulation comes near.
 """
 
 from __future__ import annotations
@@ -19,7 +23,15 @@ from typing import Unpack
 
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.description.affine import CoordinateLike, as_affine
-from leastaction.mechanics.description.frames import TWISTS, Frame, FrameOptions, Group, kinematic_names, moving
+from leastaction.mechanics.description.frames import (
+    QUATERNION,
+    TWISTS,
+    Frame,
+    FrameOptions,
+    Group,
+    kinematic_names,
+    moving,
+)
 from leastaction.numerics.names import check_name
 
 
@@ -93,7 +105,10 @@ def ball(
         The joint's name, for variables ``name.rx``, ``name.ry`` and ``name.rz`` (or as the axes are); or the
         three coordinates. If an axis comes twice, its second variable ends in ``2``, as in ``name.rz2``.
     axes : str, optional
-        The axes: three letters of ``xyz``, no two neighbours the same.
+        The axes: three letters of ``xyz``, no two neighbours the same. Or ``"quaternion"``: no angles, but a unit
+        quaternion ``name.qw`` ... ``name.qz`` (scalar first) from the frame before the joint to that behind it, with
+        the angular velocity ``name.wx``, ``name.wy``, ``name.wz`` in the axes of the frame behind it (rad/s). Then
+        the joint has a name, and is not prescribed.
     kinematic, **options
         As in `universal`, and so are the errors.
     """
@@ -117,7 +132,8 @@ def free(
         The joint's name, for variables ``name.x``, ``name.y``, ``name.z``, ``name.rx``, ``name.ry`` and
         ``name.rz`` (or as the axes are); or the six coordinates.
     axes : str, optional
-        The axes of the rotations: three letters of ``xyz``, no two neighbours the same.
+        The axes of the rotations: three letters of ``xyz``, no two neighbours the same, or ``"quaternion"``, as of
+        `ball`.
     kinematic, **options
         As in `universal`, and so are the errors.
     """
@@ -133,12 +149,22 @@ def _compose(
     kinematic: bool | Sequence[str],
     options: FrameOptions,
 ) -> Composition:
-    _check_axes(axes, turns, kind)
-    transforms = [f"t{axis}" for axis in slides] + [f"r{axis}" for axis in axes]
+    quaternion = isinstance(axes, str) and axes == QUATERNION and turns == 3
+    if quaternion and not (isinstance(variables, str) and kinematic is False):
+        raise DescriptionError(
+            f"{kind}: with axes={QUATERNION!r} expected the name of a joint that is not kinematic, got {variables!r} "
+            f"and kinematic={kinematic!r}; coordinates of your own and prescribed ones are angles: give their axes"
+        )
+    if not quaternion:
+        _check_axes(axes, turns, kind)
+    turned = "xyz" if quaternion else axes
+    transforms = [f"t{axis}" for axis in slides] + [f"r{axis}" for axis in turned]
     own = options.copy()
     if isinstance(variables, str):
         prefix = check_name(variables, f"the name of a {kind} joint")
-        suffixes = list(slides) + [f"r{axis}{'2' if axis in axes[:i] else ''}" for i, axis in enumerate(axes)]
+        letter = "w" if quaternion else "r"
+        turns_of = [f"{letter}{axis}{'2' if axis in turned[:i] else ''}" for i, axis in enumerate(turned)]
+        suffixes = [*slides, *turns_of]
         coordinates: list[CoordinateLike] = [f"{prefix}.{suffix}" for suffix in suffixes]
         if own.get("name") is None:
             own["name"] = prefix
@@ -176,4 +202,5 @@ def _check_axes(axes: object, count: int, kind: str) -> None:
     if not good or any(map(eq, str(axes), str(axes)[1:])):
         raise DescriptionError(
             f"{kind}: got axes {axes!r}, expected {count} letters of 'xyz', no two neighbours the same"
+            f"{', or ' + repr(QUATERNION) if count == 3 else ''}"
         )

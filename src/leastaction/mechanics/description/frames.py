@@ -39,12 +39,17 @@ from leastaction.numerics.names import check_name
 
 _FULL_TURN = 2.0 * np.pi * (1.0 + 1e-9)
 
+QUATERNION = "quaternion"  # instead of the axes of a rotation by angles
+
 PRIMITIVES = ("tx", "ty", "tz", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """What the frames of one composition have in common: ``kind`` ("ball" ...), ``name`` and ``axes``."""
+    """What the frames of one composition have in common: ``kind`` ("ball" ...), ``name`` and ``axes``.
+
+    ``axes`` is "quaternion" where its rotation is one.
+    """
 
     kind: str
     name: str

@@ -31,7 +31,7 @@ def check_masses(
     rotation whose axis passes through every point mass that it turns. Two configurations of no special
     shape tell: what vanishes at both vanishes everywhere.
 
-    ``rotors``: the factors by which others than the bodies are moved. ``variables``: names in the order of q. ``core``:
+    ``rotors``: the factors by which others than the bodies are moved. ``variables``: names in the order of v. ``core``:
     the compiled mechanism. ``before``: the same with other numbers, which was checked: the numbers are looked at again
     only where an inertia has changed beyond its size.
     """
@@ -52,7 +52,11 @@ def check_masses(
     _check_couplings(tree, joints, rotors)
 
     nd = len(tree.dynamic)
-    samples = np.random.default_rng(0).uniform(-1.0, 1.0, (2, len(variables)))
+    coordinates = tree.coordinates(variables)
+    samples = np.random.default_rng(0).uniform(-1.0, 1.0, (2, len(coordinates)))
+    for rotation in tree.rotations:
+        first = coordinates.index(rotation.quaternion[0])
+        samples[:, first : first + 4] /= np.linalg.norm(samples[:, first : first + 4], axis=1, keepdims=True)
     if before is not None:
         was, now = (m.inertias(samples[0])[:nd] for m in (before, core))
         if np.all((now > 1e-6 * was) & (now < 1e6 * was)):

@@ -16,7 +16,7 @@ import numpy as np
 
 from leastaction.mechanics.description.affine import Affine
 from leastaction.mechanics.description.bodies import Body
-from leastaction.mechanics.description.frames import Frame, Group
+from leastaction.mechanics.description.frames import QUATERNION, Frame, Group
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import restore_state, saved_state
 
@@ -86,6 +86,24 @@ class BallAngles:
 
 
 @dataclass(frozen=True)
+class BallRotation:
+    """The rotation of a `ball` or a `free` joint that is a unit quaternion.
+
+    ``name``: name of the joint. ``variables``: of the angular velocity in the axes of the moved frame. ``joint``: the
+    first of the three joints, rx, ry and rz, that it is for the core.
+    """
+
+    name: str
+    variables: tuple[str, ...]
+    joint: int
+
+    @property
+    def quaternion(self) -> tuple[str, ...]:
+        """The names of its four numbers, scalar first."""
+        return tuple(f"{self.name}.q{letter}" for letter in "wxyz")
+
+
+@dataclass(frozen=True)
 class Tree:
     """A flattened description.
 
@@ -101,6 +119,26 @@ class Tree:
     kinematic: tuple[str, ...]
     compositions: tuple[tuple[Group, tuple[int, ...]], ...]
     balls: tuple[BallAngles, ...]
+
+    @cached_property
+    def rotations(self) -> tuple[BallRotation, ...]:
+        """The rotations that are quaternions, in the order of the tree."""
+        found = []
+        for group, indices in self.compositions:
+            if group.axes != QUATERNION:
+                continue
+            first, *_ = joints = [self.frames[index].joint for index in indices[-3:]]
+            found.append(BallRotation(group.name, tuple(self.joints[i].variables[0] for i in joints), first))
+        return tuple(found)
+
+    def coordinates(self, variables: Sequence[str]) -> tuple[str, ...]:
+        """Return the names of the entries of a configuration: the variables, and in place of turns their quaternion."""
+        quaternions = {rotation.variables[0]: rotation.quaternion for rotation in self.rotations}
+        turns = {name for rotation in self.rotations for name in rotation.variables}
+        names: list[str] = []
+        for name in variables:
+            names += quaternions.get(name, () if name in turns else (name,))
+        return tuple(names)
 
     @cached_property
     def index(self) -> dict[str, int]:

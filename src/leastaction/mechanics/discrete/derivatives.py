@@ -87,10 +87,10 @@ def linearize_arrays(
     if out is None:
         core = _core.Linearization(vi.core, N, multipliers)
         out = StepDerivatives(core, vi)
-    elif out.integrator is not vi or out.A_all.shape[:2] != (N, m.nx + m.nc * multipliers):
+    elif out.integrator is not vi or out.A_all.shape[:2] != (N, m.ndx + m.nc * multipliers):
         raise ArgumentError(
             f"out: got derivatives of {out.steps} steps of {out.A_all.shape[1]} states, by {out.mechanism!r}; "
-            f"expected such of {N} steps of {m.nx + m.nc * multipliers} states by this integrator itself"
+            f"expected such of {N} steps of {m.ndx + m.nc * multipliers} states by this integrator itself"
         )
     k = out.core.along(t, x, u, vi.threads, ends, first_share, by_time_step)
     if k < N:
@@ -157,13 +157,13 @@ def tensors(
         last = trajectory.steps - 1
         known = f"a step from 0 to {last}" if last >= 0 else "a trajectory of one step or more"
         raise ArgumentError(f"k: got {k!r}, expected {known}")
-    n = m.nx + m.n_inputs + m.nrho
-    check_memory((m.nx + m.nc, n, n), max_bytes, "tensors", "contract them by linearize(...).curvature(z)")
+    n = m.ndx + m.n_inputs + m.nrho
+    check_memory((m.ndx + m.nc, n, n), max_bytes, "tensors", "contract them by linearize(...).curvature(z)")
     pair, step = slice(k, k + 2), slice(k, k + 1)
     d = linearize_arrays(vi, trajectory.t[pair], trajectory.x[pair], trajectory.u[step])
-    weights = np.eye(m.nx + m.nc)
-    out = np.stack([d.curvature(w[None, : m.nx], z_lam=w[None, m.nx :])[0] for w in weights])
-    return StepTensors(out[: m.nx], out[m.nx :])
+    weights = np.eye(m.ndx + m.nc)
+    out = np.stack([d.curvature(w[None, : m.ndx], z_lam=w[None, m.ndx :])[0] for w in weights])
+    return StepTensors(out[: m.ndx], out[m.ndx :])
 
 
 def check_trajectory(vi: Integrator, trajectory: Trajectory) -> None:

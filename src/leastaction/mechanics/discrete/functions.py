@@ -15,6 +15,7 @@ from leastaction.mechanics.discrete.balance import DiscreteBalance, balance_of
 from leastaction.mechanics.discrete.derivatives import check_trajectory
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.trajectory import Trajectory
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.function_derivatives import FunctionDerivatives, Substituted
 from leastaction.numerics.arrays import Array, as_array, as_time_step
@@ -122,6 +123,7 @@ def driving_force(vi: Integrator, trajectory: Trajectory) -> Array:
         For a trajectory of a mechanism with other variables.
     """
     check_trajectory(vi, trajectory)
+    angles_only(vi.mechanism, "driving_force")
     m, run, shares = vi.mechanism, trajectory, vi.shares
     dt = np.diff(run.t)
     middle, rates = (run.q[1:] + run.q[:-1]) / 2.0, np.diff(run.q, axis=0) / dt[:, None]
@@ -159,6 +161,7 @@ def balance(vi: Integrator, trajectory: Trajectory) -> DiscreteBalance:
 
 
 def _midpoint(m: Mechanism, q1: ArrayLike, q2: ArrayLike, dt: float) -> tuple[Array, Array]:
+    angles_only(m, "a function of the ends of a step")
     start, end = (as_array(q, what, (m.nq,), names=m.variables) for q, what in ((q1, "q1"), (q2, "q2")))
     return (start + end) / 2.0, (end - start) / dt
 

@@ -23,7 +23,9 @@ class StepDerivatives:
     given up as the `out` of another call. It can be read, and asked for curvatures, by many threads at once.
     The state of a step is ``x = [q; rho; p; v_rho]``, its input ``u = [inputs; rho_next]``; where the
     derivatives of the multipliers were asked for, these stand after the state, ``[x; lam]``, in `A_all` and
-    `B_all`. All arrays are read-only views of its memory.
+    `B_all`. Where a rotation is a quaternion, derivatives are of and by differences of states, which have ndx numbers:
+    of ``difference(f(plus(x, dx), u), f(x, u))``, with turns in the axes of the body. All arrays are
+    read-only views of its memory.
 
     Attributes
     ----------
@@ -36,7 +38,7 @@ class StepDerivatives:
     integrator: Integrator
 
     def __reduce__(self) -> tuple[Any, ...]:
-        more = self.A_all.shape[1] > self.mechanism.nx
+        more = self.A_all.shape[1] > self.mechanism.ndx
         return _restored, (self.integrator, self.steps, more, self.core.saved())
 
     @property
@@ -61,14 +63,14 @@ class StepDerivatives:
 
     @property
     def A(self) -> Array:
-        """Next state by state, shape (N, nx, nx)."""
-        nx = self.mechanism.nx
-        return self.core.A[:, :nx, :nx]
+        """Next state by state, shape (N, ndx, ndx)."""
+        ndx = self.mechanism.ndx
+        return self.core.A[:, :ndx, :ndx]
 
     @property
     def B(self) -> Array:
-        """Next state by input, shape (N, nx, n_inputs + nrho)."""
-        return self.core.B[:, : self.mechanism.nx]
+        """Next state by input, shape (N, ndx, n_inputs + nrho)."""
+        return self.core.B[:, : self.mechanism.ndx]
 
     @property
     def lam(self) -> Array:
@@ -77,14 +79,14 @@ class StepDerivatives:
 
     @property
     def lam_dx(self) -> Array:
-        """Multipliers by state, shape (N, nc, nx); of no rows unless asked for."""
-        nx = self.mechanism.nx
-        return self.core.A[:, nx:, :nx]
+        """Multipliers by state, shape (N, nc, ndx); of no rows unless asked for."""
+        ndx = self.mechanism.ndx
+        return self.core.A[:, ndx:, :ndx]
 
     @property
     def lam_du(self) -> Array:
         """Multipliers by input, shape (N, nc, n_inputs + nrho); of no rows unless asked for."""
-        return self.core.B[:, self.mechanism.nx :]
+        return self.core.B[:, self.mechanism.ndx :]
 
     @property
     def defect(self) -> Array:
@@ -96,14 +98,14 @@ class StepDerivatives:
 
         Parameters
         ----------
-        z : array_like, shape (N, nx)
+        z : array_like, shape (N, ndx)
             Weights on the next state of each step.
         z_lam : array_like, shape (N, nc), optional
             Weights on the multipliers of each step.
 
         Returns
         -------
-        ndarray, shape (N, nx + n_inputs + nrho, nx + n_inputs + nrho)
+        ndarray, shape (N, ndx + n_inputs + nrho, ndx + n_inputs + nrho)
             Hessian of ``z_k . x_{k+1} + z_lam_k . lam_k`` by ``[x_k; u_k]``, read-only. Its memory is used again
             once nobody holds it any more.
 
@@ -113,14 +115,14 @@ class StepDerivatives:
             For wrong shapes, or weights that are not finite.
         """
         m, N = self.mechanism, self.steps
-        weights = as_array(z, "z", (N, m.nx))
+        weights = as_array(z, "z", (N, m.ndx))
         if z_lam is not None:
             weights = np.hstack([weights, as_array(z_lam, "z_lam", (N, m.nc))])
         return self.core.curvature(weights, False, self.integrator.threads)
 
     def curvature_all(self, z: Array) -> Array:
         """Return the Hessians (N, ny + nu, ny + nu) by the states of `A_all`, weighted with z (N, ny)."""
-        more = self.core.A.shape[1] > self.mechanism.nx
+        more = self.core.A.shape[1] > self.mechanism.ndx
         return self.core.curvature(z, more, self.integrator.threads)
 
     def packed_curvature_all(self, z: Array) -> Array:
@@ -136,15 +138,15 @@ def step_pattern(mechanism: Mechanism, *, multipliers: bool) -> npt.NDArray[np.b
     after the state.
     """
     m = mechanism
-    ny = m.nx + (m.nc if multipliers else 0)
+    nv, ny = m.nv, m.ndx + (m.nc if multipliers else 0)
     dynamic = np.zeros(ny, dtype=bool)
-    dynamic[: m.nd] = dynamic[m.nq : m.nq + m.nd] = dynamic[m.nx :] = True
+    dynamic[: m.nd] = dynamic[nv : nv + m.nd] = dynamic[m.ndx :] = True
     free = np.zeros(ny + m.n_inputs + m.nrho, dtype=bool)
-    free[: m.nq + m.nd] = free[ny:] = True
+    free[: nv + m.nd] = free[ny:] = True
     pattern = dynamic[:, None] & free
     k = np.arange(m.nrho)
     pattern[m.nd + k, ny + m.n_inputs + k] = True
-    pattern[m.nq + m.nd + k, ny + m.n_inputs + k] = pattern[m.nq + m.nd + k, m.nd + k] = True
+    pattern[nv + m.nd + k, ny + m.n_inputs + k] = pattern[nv + m.nd + k, m.nd + k] = True
     return pattern
 
 

@@ -39,7 +39,7 @@ from leastaction.mechanics.discrete.trajectory import (
     trajectory_of,
     vector_of,
 )
-from leastaction.mechanics.mechanism.arguments import inputs_of
+from leastaction.mechanics.mechanism.arguments import angles_only, inputs_of, rates, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
 from leastaction.numerics.arrays import (
@@ -107,7 +107,9 @@ class MidpointVI(Integrator):
         self.max_iterations = steps
         self.at_instants = _checked_instants(mechanism, at_instants)
         self.reels = any(element.length_variable is not None for element in mechanism.elements.values())
-        self.watch = SingularityWatch(mechanism.balls, mechanism.variables)
+        self.watch = SingularityWatch(mechanism.balls, mechanism.coordinates)
+        if self.at_instants:
+            angles_only(mechanism, "at_instants")
         late = [mechanism.inputs.index(name) for name in self.at_instants]
         self.core = _core.Midpoint(mechanism.core, _core.Split[split], self.tolerance, steps, at_instants=late)
 
@@ -136,7 +138,7 @@ class MidpointVI(Integrator):
         ----------
         q : array_like, shape (nq,)
             Configuration; must satisfy the constraints (see `project_configuration`).
-        v : array_like, shape (nq,), optional
+        v : array_like, shape (nv,), optional
             Velocity; must keep the constraints (see `project_velocity`). The momentum is ``dL/dv``.
         p : array_like, shape (nd,), optional
             Momentum of the dynamic variables, instead of a velocity.
@@ -151,7 +153,7 @@ class MidpointVI(Integrator):
             If q or v violates the constraints; residuals by constraint name.
         """
         m = self.mechanism
-        q0 = as_array(q, "q", (m.nq,), names=m.variables)
+        q0 = single(m, q)
         if self.reels:
             check_lengths(m, q0[None, :], np.array([t]))
         if m.nc:
@@ -161,7 +163,7 @@ class MidpointVI(Integrator):
         if p is not None:
             momentum = as_array(p, "p", (m.nd,), names=m.dynamic)
             return state_of(m, as_number(t, "t"), np.concatenate((q0, momentum, np.zeros(m.nrho))))
-        v0 = np.zeros(m.nq) if v is None else as_array(v, "v", (m.nq,), names=m.variables)
+        v0 = np.zeros(m.nv) if v is None else rates(m, v)
         check_velocity(m, q0, v0)
         momentum = as_array(m.core.gradient(q0, v0)[1][: m.nd], "momentum", (m.nd,), names=m.dynamic)
         return state_of(m, as_number(t, "t"), np.concatenate((q0, momentum, v0[m.nd :])))
@@ -183,14 +185,13 @@ class MidpointVI(Integrator):
             Time at q1 (s).
         """
         m = self.mechanism
-        first = as_array(q0, "q0", (m.nq,), names=m.variables)
-        second = as_array(q1, "q1", (m.nq,), names=m.variables)
+        first, second = single(m, q0, "q0"), single(m, q1, "q1")
         for q in (first, second):
             check_consistent(m, q)
         h = as_time_step(dt)
         u = inputs_of(m, inputs)
         _, p = self.core.momenta(first, second, u, h, h)
-        return State(as_number(t, "t"), second.copy(), p[: m.nd], (second - first)[m.nd :] / h)
+        return State(as_number(t, "t"), second.copy(), p[: m.nd], (second - first)[m.nq - m.nrho :] / h)
 
     # Motion
 
@@ -228,11 +229,12 @@ class MidpointVI(Integrator):
         h = as_time_step(dt)
         u = inputs_of(m, inputs)
         start = vector_of(m, state)
-        rho = start[m.nd : m.nq] if rho_next is None else as_array(rho_next, "rho_next", (m.nrho,), names=m.kinematic)
+        before = start[m.nq - m.nrho : m.nq]
+        rho = before if rho_next is None else as_array(rho_next, "rho_next", (m.nrho,), names=m.kinematic)
         begin = as_number(state.t, "state.t")
         t = np.array((begin, begin + h))
         if self.reels:
-            check_lengths(m, np.concatenate((start[: m.nd], rho))[None, :], t[1:])
+            check_lengths(m, np.concatenate((start[: m.nq - m.nrho], rho))[None, :], t[1:])
         controls = np.concatenate((u, rho)) if m.nrho else u
         out = self.core.roll_out(t, start, None, controls[None, :], None)
         if out.steps < 1:

@@ -156,7 +156,7 @@ class _Refiner:
         """Return the energy at a state, and the sizes of its terms: in the middle of a very short step."""
         m, short = self.vi.mechanism, _SHORT * h
         row = u.copy()
-        row[m.n_inputs :] = x[m.nd : m.nq] + short * x[m.nx - m.nrho :]
+        row[m.n_inputs :] = x[m.nq - m.nrho : m.nq] + short * x[m.nx - m.nrho :]
         out = self.vi.core.roll_out(np.array((t, t + short)), x.copy(), None, row[None, :], None, energies=True)
         if out.steps < 1:
             return None

@@ -23,13 +23,15 @@ def eaten(m: Mechanism, t: Array, q: Array, u: Array, kinetic: float, *, failed:
     ``t`` (N+1,), ``q`` (N+1, nq): of the run. ``u`` (n_inputs,): inputs at its start. ``kinetic``: the largest kinetic
     energy. ``failed``: it ended in a step that could not be made, for which less may be the reason.
     """
-    largest = np.maximum(np.abs(q[0]), np.abs(q[-1]))
+    at_ends = np.maximum(np.abs(q[0]), np.abs(q[-1]))
+    place = {name: i for i, name in enumerate(m.coordinates)}
+    largest = np.array([at_ends[place[name]] if name in place else 0.0 for name in m.variables])
     dt = float(np.diff(t).min())
     with np.errstate(all="ignore"):
         off = np.spacing(largest) / dt
         if not off.max(initial=0.0) > _SMALL:
             return ""
-        still = np.zeros(m.nq)
+        still = np.zeros(m.nv)
         M = np.asarray(m.core.hessian(q[0], still)[2])
         push = (np.asarray(m.core.gradient(q[0], still)[0]) + np.asarray(m.core.force(q[0], still, u)))[: m.nd]
         a = np.linalg.lstsq(M[: m.nd, : m.nd], push, rcond=None)[0] if np.isfinite(M).all() else push

@@ -17,6 +17,7 @@ from leastaction.mechanics.discrete.derivatives import linearize
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.step_sensitivity import momentum_by, steps_by
 from leastaction.mechanics.discrete.trajectory import Trajectory
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.differences import fourth_order
@@ -79,6 +80,7 @@ def sensitivity(
         constraints at the start and nothing says how that follows.
     """
     m = vi.mechanism
+    angles_only(m, "sensitivity")
     if dx0 is not None and (v is not None or hold is not None):
         raise ArgumentError(f"sensitivity: got both {'hold' if v is None else 'v'} and dx0; give one of them")
     d = linearize(vi, trajectory, multipliers=True)

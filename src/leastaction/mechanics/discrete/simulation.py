@@ -27,6 +27,7 @@ from leastaction.mechanics.discrete.trajectory import (
     trajectory_of,
     vector_of,
 )
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.numerics.arrays import Array, as_array, as_choice, as_number, as_times, read_only
 from leastaction.numerics.signals import Signal, StateLaw, signal_rows, takes_state
 from leastaction.numerics.step_quality import StepQuality, coarsest
@@ -107,8 +108,8 @@ def simulate(
         raise ArgumentError(f"t: the first time is {times[0]} s, but the start is at {start.t} s; they must agree")
     N = len(times) - 1
     middle = 0.5 * (times[1:] + times[:-1])
-    rho_next = signal_rows(rho, times[1:], m.kinematic, "rho", start.q[m.nd :], extra_row=True)
-    check_lengths(m, np.hstack([np.tile(start.q[: m.nd], (N, 1)), rho_next]), times[1:])
+    rho_next = signal_rows(rho, times[1:], m.kinematic, "rho", start.q[m.nq - m.nrho :], extra_row=True)
+    check_lengths(m, np.hstack([np.tile(start.q[: m.nq - m.nrho], (N, 1)), rho_next]), times[1:])
     law = inputs if takes_state(inputs) else None
     as_choice(law_at, "law_at", get_args(LawAt))
     forces = None if law is not None else cast(Signal, inputs)
@@ -118,7 +119,7 @@ def simulate(
         most = as_number(energy_tolerance, "energy_tolerance", above=0.0)
         if law is not None:
             raise ArgumentError("energy_tolerance: got one and a feedback; it goes with inputs that are known before")
-        controls = Controls(m, times, forces, rho, u, start.q[m.nd :])
+        controls = Controls(m, times, forces, rho, u, start.q[m.nq - m.nrho :])
         times, u, stopped = refined(vi, vector_of(m, start), times, controls, most, progress)
         progress = None
     run = _Run(vi, times, vector_of(m, start), u)
@@ -176,6 +177,8 @@ class _Run:
     ) -> tuple[SimulationStatus, str]:
         """Make all steps, or as many as can be; return how that ended."""
         N, m = len(self.u), self.vi.mechanism
+        if law is not None and law_at == "midpoint":
+            angles_only(m, "law_at='midpoint'")
         inside = MidpointLaw(self.vi, law) if law is not None and law_at == "midpoint" else None
         try:
             while self.done < N:

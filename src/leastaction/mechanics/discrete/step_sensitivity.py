@@ -16,6 +16,7 @@ from leastaction.mechanics.description.tree import WORLD
 from leastaction.mechanics.discrete.derivatives import linearize, linearize_arrays
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.trajectory import Trajectory
+from leastaction.mechanics.mechanism.arguments import angles_only, rates, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.parameters import (
     BodyNumber,
@@ -26,7 +27,7 @@ from leastaction.mechanics.mechanism.parameters import (
     Prescribed,
     inertia_slope,
 )
-from leastaction.numerics.arrays import Array, as_array, require_instance
+from leastaction.numerics.arrays import Array, require_instance
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ def steps_by(
     """
     m = vi.mechanism
     places = m.parameter_places(names)
-    by_x = np.zeros((len(u), m.nx, len(places)))
+    by_x = np.zeros((len(u), m.ndx, len(places)))
     by_lam = np.zeros((len(u), m.nc, len(places)))
     lengths = {name: place for name, place in places.items() if isinstance(place, Prescribed)}
     columns = {name: column for column, name in enumerate(places)}
@@ -115,11 +116,11 @@ def momentum_by(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, names: Sequenc
     """
     require_instance(mechanism, "mechanism", Mechanism)
     places = mechanism.parameter_places(names)
-    q0 = as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
-    v0 = as_array(v, "v", (mechanism.nq,), names=mechanism.variables)
+    q0, v0 = single(mechanism, q), rates(mechanism, v)
     out = np.zeros((mechanism.nd, len(places)))
     lengths = {name: place for name, place in places.items() if isinstance(place, Prescribed)}
     if lengths:
+        angles_only(mechanism, f"derivatives by {next(iter(lengths))!r}, which moves frames")
         nq = mechanism.nq
         freed = mechanism.with_free_lengths(_as_variables(mechanism, lengths))
         q, v = np.append(q0, _held(mechanism, lengths)), np.append(v0, np.zeros(len(lengths)))
@@ -184,6 +185,7 @@ def _by_lengths(
     variables, c_k times.
     """
     m = vi.mechanism
+    angles_only(m, f"derivatives by {next(iter(lengths))!r}, which moves frames")
     freed = vi.like(m.with_free_lengths(_as_variables(m, lengths)))
     count, steps = len(lengths), len(U)
     held = np.tile(_held(m, lengths), (steps + 1, 1))

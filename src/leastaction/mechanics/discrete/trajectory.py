@@ -11,6 +11,8 @@ import numpy as np
 
 from leastaction.mechanics.discrete.balance import DiscreteBalance
 from leastaction.mechanics.discrete.tensions import tensions
+from leastaction.mechanics.discrete.turns import differences, middles
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.masses import Energy
 from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
@@ -81,7 +83,7 @@ def vector_of(m: Mechanism, state: State) -> Array:
             return x
     return np.concatenate(
         [
-            as_array(state.q, "state.q", (m.nq,), names=m.variables),
+            as_array(state.q, "state.q", (m.nq,), names=m.coordinates),
             as_array(state.p, "state.p", (m.nd,), names=m.dynamic),
             as_array(state.v_rho, "state.v_rho", (m.nrho,), names=m.kinematic),
         ]
@@ -153,8 +155,8 @@ class Trajectory(BaseTrajectory[State]):
 
     @property
     def v(self) -> Array:
-        """Velocities over the steps, ``(q_{k+1} - q_k) / dt``, shape (N, nq) (m/s or rad/s)."""
-        return np.diff(self.q, axis=0) / np.diff(self.t)[:, None]
+        """Velocities over the steps, ``(q_{k+1} - q_k) / dt``, shape (N, nv) (m/s or rad/s); angular of quaternions."""
+        return differences(self.mechanism, self.q[1:], self.q[:-1]) / np.diff(self.t)[:, None]
 
     @property
     def redundant(self) -> dict[str, tuple[str, ...]]:
@@ -201,11 +203,11 @@ class Trajectory(BaseTrajectory[State]):
 
         Or of a frame, (N, 6) at the middle of each step: of its origin (m/s), and angular (rad/s), in world axes.
         """
-        return self._velocity(name, 0.5 * (self.q[1:] + self.q[:-1]), self.v)
+        return self._velocity(name, middles(self.mechanism, self.q), self.v)
 
     def energy(self) -> Energy:
         """Return the energy at the midpoint of every step, arrays (N,) (J)."""
-        return self.mechanism.energy(0.5 * (self.q[1:] + self.q[:-1]), self.v)
+        return self.mechanism.energy(middles(self.mechanism, self.q), self.v)
 
     def reactions(self) -> dict[str, Array]:
         """Return the wrench in every joint at the instants between two steps, ``t[1:-1]``.
@@ -220,6 +222,7 @@ class Trajectory(BaseTrajectory[State]):
             world axes, with which what is before the joint acts on what is behind it. Drives, springs and friction of
             the joint itself are part of it.
         """
+        angles_only(self.mechanism, "reactions")
         dt = np.diff(self.t)[:, None]
         held = 0.5 * (dt[1:] + dt[:-1])
         v, u = self.v, 0.5 * (self.inputs[1:] + self.inputs[:-1])

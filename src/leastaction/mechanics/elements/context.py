@@ -49,6 +49,11 @@ class Context:
         """The names of the dynamic variables."""
         return frozenset(self.dynamic)
 
+    @cached_property
+    def turns(self) -> Mapping[str, str]:
+        """The turns of rotations that are quaternions, with the names of their joints: rates without a coordinate."""
+        return {name: rotation.name for rotation in self.tree.rotations for name in rotation.variables}
+
     @property
     def world(self) -> str:
         """Name of the world frame."""

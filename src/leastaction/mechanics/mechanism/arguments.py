@@ -14,6 +14,9 @@ from leastaction.mechanics.description.tree import Tree
 from leastaction.mechanics.elements import Element, Parts
 from leastaction.numerics.arrays import Array, as_array, shape_of
 
+_UNIT = 1e-6  # how far rounding of a file may take the length of a quaternion from one
+_ROUNDING = 1e-14  # and how far from one it stays as it is
+
 
 class Compiled(ABC):
     """A `Mechanism`, as far as its queries ask it; each field is explained there."""
@@ -25,14 +28,17 @@ class Compiled(ABC):
     dynamic: tuple[str, ...]
     kinematic: tuple[str, ...]
     variables: tuple[str, ...]
+    coordinates: tuple[str, ...]
     inputs: tuple[str, ...]
     constraints: tuple[str, ...]
     nd: int
     nrho: int
     nq: int
+    nv: int
     n_inputs: int
     nc: int
     nx: int
+    ndx: int
 
     @property
     @abstractmethod
@@ -47,8 +53,51 @@ def check_same_names(theirs: Compiled, ours: Compiled, what: str, advice: str = 
 
 
 def single(m: Compiled, q: ArrayLike, what: str = "q") -> Array:
-    """Return one configuration, velocity or the like (nq,)."""
-    return as_array(q, what, (m.nq,), names=m.variables)
+    """Return one configuration (nq,)."""
+    return configuration_on(m, as_array(q, what, (m.nq,), names=m.coordinates), what)
+
+
+def rates(m: Compiled, v: ArrayLike, what: str = "v", *, rows: int | None = None) -> Array:
+    """Return velocities or the like, (nv,), or (rows, nv)."""
+    return as_array(v, what, (m.nv,) if rows is None else (rows, m.nv), names=m.variables)
+
+
+def configuration_on(m: Compiled, q: Array, what: str) -> Array:
+    """Return configurations (..., nq) with quaternions of unit length; raise for those that are far from it."""
+    if not m.tree.rotations:
+        return q
+    out = np.array(q)
+    for rotation in m.tree.rotations:
+        first = m.coordinates.index(rotation.quaternion[0])
+        numbers = out[..., first : first + 4]
+        length = np.linalg.norm(numbers, axis=-1, keepdims=True)
+        off = np.abs(length - 1.0)
+        if (off > _UNIT).any():
+            raise ArgumentError(
+                f"{what}: {', '.join(rotation.quaternion)} are a unit quaternion, scalar first, whose length is 1; got "
+                f"the length {float(length.flat[int(np.argmax(off))]):.6g}. No rotation is 1, 0, 0, 0; an angle a "
+                "about an axis e (of length 1) is cos(a/2), sin(a/2) e"
+            )
+        out[..., first : first + 4] = np.where(off > _ROUNDING, numbers / length, numbers)
+    return out
+
+
+def of_unit_length(m: Compiled, q: Array) -> Array:
+    """Return configurations (N, nq) with quaternions brought back to unit length, as between two that are near."""
+    out = np.array(q)
+    for rotation in m.tree.rotations:
+        first = m.coordinates.index(rotation.quaternion[0])
+        out[:, first : first + 4] /= np.linalg.norm(out[:, first : first + 4], axis=1, keepdims=True)
+    return out
+
+
+def angles_only(m: Compiled, what: str) -> None:
+    """Raise where a rotation is a quaternion, for what is not done, or has no meaning, without angles."""
+    if m.tree.rotations:
+        raise ArgumentError(
+            f"{what}: not yet for a mechanism in which a rotation is a quaternion, as that of "
+            f"{m.tree.rotations[0].name!r}; give the joint angles, axes='xyz'"
+        )
 
 
 def inputs_of(m: Compiled, inputs: ArrayLike | None, what: str = "inputs") -> Array:
@@ -59,14 +108,14 @@ def inputs_of(m: Compiled, inputs: ArrayLike | None, what: str = "inputs") -> Ar
 def batch(m: Compiled, q: ArrayLike, what: str = "q", *, rows: int | None = None) -> tuple[Array, bool]:
     """Return q as (N, nq), and whether it was a single configuration."""
     if len(shape_of(q) or ()) == 2:
-        return as_array(q, what, (rows, m.nq), names=m.variables), False
+        return configuration_on(m, as_array(q, what, (rows, m.nq), names=m.coordinates), what), False
     return single(m, q, what)[None, :], True
 
 
 def batch_of_states(m: Compiled, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array, bool]:
-    """Return q and v as (N, nq), and whether it was a single state."""
+    """Return q (N, nq) and v (N, nv), and whether it was a single state."""
     values, one = batch(m, q)
-    return values, single(m, v, "v")[None, :] if one else as_array(v, "v", (len(values), m.nq), names=m.variables), one
+    return values, rates(m, v)[None, :] if one else rates(m, v, rows=len(values)), one
 
 
 def shaped(result: Array, one: bool) -> Array:

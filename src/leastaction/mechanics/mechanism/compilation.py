@@ -80,6 +80,8 @@ class Plan:
             index = builder.add_joint(joint.parent, joint.pose, joint.twist, variable[name], factor, offset)
             for name, factor in more:
                 builder.couple_joint(index, variable[name], factor)
+        for ball in self.tree.rotations:
+            builder.add_ball(ball.joint)
         # What overflows is refused with the inertia that it makes.
         with np.errstate(over="ignore", invalid="ignore"):
             for joint_index, body, pose in self.tree.bodies():
@@ -137,6 +139,12 @@ def plan(
         constraints=tuple(name + suffix for name, element in named.items() for suffix in element.equations),
         numbers=dict(numbers or {}),
     )
+    for rotation in tree.rotations:
+        first = result.dynamic.index(rotation.variables[0])
+        if result.dynamic[first : first + 3] != rotation.variables:
+            raise DescriptionError(
+                f"dynamic: the turns of {rotation.name!r} stand apart; list {', '.join(rotation.variables)} in a row"
+            )
     context = result.context()
     for element in elements:
         element.check(context)

@@ -19,7 +19,7 @@ from leastaction.mechanics.description.masses import check_masses
 from leastaction.mechanics.description.tree import BallAngles
 from leastaction.mechanics.elements import Element, Parts
 from leastaction.mechanics.mechanism import queries
-from leastaction.mechanics.mechanism.arguments import Compiled, batch
+from leastaction.mechanics.mechanism.arguments import Compiled, batch, configuration_on
 from leastaction.mechanics.mechanism.changes import freed, with_values
 from leastaction.mechanics.mechanism.compilation import Plan, plan
 from leastaction.mechanics.mechanism.equality import names_hash, same
@@ -108,6 +108,7 @@ class Mechanism(Compiled):
         nd, nrho, n_inputs = map(len, (settled.dynamic, settled.kinematic, settled.inputs))
         builder = _core.MechanismBuilder(nd, nrho, n_inputs)
         context = settled.emit(builder)
+        coordinates = settled.tree.coordinates(settled.dynamic + settled.kinematic)
         whole = Parts(_core.ElementCounts(), builder.counts(), uniform_gravity=True)
         fields: dict[str, Any] = {
             "_plan": settled,
@@ -124,10 +125,13 @@ class Mechanism(Compiled):
             "constraints": settled.constraints,
             "nd": nd,
             "nrho": nrho,
-            "nq": nd + nrho,
+            "nq": len(coordinates),
+            "nv": nd + nrho,
+            "coordinates": coordinates,
             "n_inputs": n_inputs,
             "nc": len(settled.constraints),
-            "nx": 2 * (nd + nrho),
+            "nx": len(coordinates) + nd + nrho,
+            "ndx": 2 * (nd + nrho),
         }
         vars(self).update(fields)
         if like is None:
@@ -173,12 +177,14 @@ class Mechanism(Compiled):
         values = {} if values is None else values
         require_mapping(values, "values", "{'pole': 1.0}")
         q = np.full(self.nq, as_number(default, "default"))
-        order = {name: index for index, name in enumerate(self.variables)}
+        order = {name: index for index, name in enumerate(self.coordinates)}
+        for rotation in self.tree.rotations:
+            q[[order[name] for name in rotation.quaternion]] = 1.0, 0.0, 0.0, 0.0
         for name, value in values.items():
             if name not in order:
                 raise unknown("variable", name, order)
             q[order[name]] = as_number(value, f"the value of {name!r}")
-        return q
+        return configuration_on(self, q, "values")
 
     def named(self, q: ArrayLike) -> dict[str, Any]:
         """Return the entries of a configuration by name: floats, or arrays (N,) for a batch (N, nq)."""
@@ -186,7 +192,7 @@ class Mechanism(Compiled):
         columns = values.T
         return {
             name: float(column[0]) if single else column.copy()
-            for name, column in zip(self.variables, columns, strict=True)
+            for name, column in zip(self.coordinates, columns, strict=True)
         }
 
     # The same with changes

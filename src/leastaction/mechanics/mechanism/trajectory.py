@@ -77,7 +77,7 @@ class BaseTrajectory(Frozen, Savable, ABC, Generic[S_co]):
     @property
     def rho(self) -> Array:
         """Kinematic variables, shape (N+1, nrho)."""
-        return self.q[:, self.mechanism.nd :]
+        return self.q[:, self.mechanism.nq - self.mechanism.nrho :]
 
     @property
     @abstractmethod
@@ -118,19 +118,20 @@ class BaseTrajectory(Frozen, Savable, ABC, Generic[S_co]):
         m = self.mechanism
         multipliers = dict(zip(m.constraints, self.multiplier_units, strict=True))
         units = m.units
-        return MappingProxyType({**multipliers, **{name: units[name] for name in (*m.inputs, *m.variables)}})
+        names = dict.fromkeys((*m.inputs, *m.variables, *m.coordinates))
+        return MappingProxyType({**multipliers, **{name: units.get(name, "1") for name in names}})
 
     def __getitem__(self, name: str) -> Array:
         """Return a variable, an input or a multiplier over time by name, or the places (N+1, 3) of a frame (m)."""
         m = self.mechanism
         if not isinstance(name, str):
             raise ArgumentError(f"name: got {brief(repr(name))}, expected the name of a variable, an input or a frame")
-        for names, values in ((m.variables, self.q), (m.inputs, self.inputs), (m.constraints, self.lam)):
+        for names, values in ((m.coordinates, self.q), (m.inputs, self.inputs), (m.constraints, self.lam)):
             if name in names:
                 return values[:, names.index(name)]
         if name in m.tree.index:
             return np.asarray(m.positions(self.q, (name,)))[:, 0]
-        known = m.variables + m.inputs + m.constraints + m.frames
+        known = m.coordinates + m.inputs + m.constraints + m.frames
         what = "variables, inputs, constraints and frames"
         raise ArgumentError(f"unknown name {name!r}; {closest(name, known, what=what)}")
 
@@ -176,7 +177,7 @@ def named_arrays(
     row, units, rates = TIME if is_continuous else STEP, m.units, state_units[m.nq :]
     accelerations = tuple(rate_of(units[name], 2) for name in m.variables)
     return {
-        "q": (TIME, "variable", m.variables, state_units[: m.nq]),
+        "q": (TIME, "coordinate" if m.tree.rotations else "variable", m.coordinates, state_units[: m.nq]),
         "p": (TIME, "momentum", tuple(f"p_{name}" for name in m.dynamic), rates[: m.nd]),
         "v_rho": (TIME, "rate", tuple(f"v_{name}" for name in m.kinematic), rates[m.nd :]),
         "v": (TIME, "velocity", tuple(f"v_{name}" for name in m.variables), rates),

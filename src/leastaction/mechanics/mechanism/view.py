@@ -9,7 +9,7 @@ from itertools import islice, pairwise
 from typing import Any
 
 from leastaction.errors import some
-from leastaction.mechanics.description.frames import Frame, Group
+from leastaction.mechanics.description.frames import QUATERNION, Frame, Group
 from leastaction.mechanics.description.tree import Tree
 from leastaction.mechanics.mechanism.compilation import Plan
 
@@ -167,6 +167,9 @@ def _row(branch: str, name: str, frames: list[Frame]) -> Row:
 def _composition(group: Group, coordinates: list[str]) -> tuple[str, str]:
     """Return a composition as text: its name and the ends of its variables' names, where these are its own."""
     own = f"{group.name}."
+    if group.axes == QUATERNION:
+        slides = "".join(f"{coordinate.removeprefix(own)} " for coordinate in coordinates[:-3])
+        return f"{group.kind}({group.name}: {slides}qw qx qy qz)", "unit quaternion, rates wx wy wz in its axes"
     if all(coordinate.startswith(own) for coordinate in coordinates):
         ends = " ".join(coordinate.removeprefix(own) for coordinate in coordinates)
         return f"{group.kind}({group.name}: {ends})", ""

@@ -6,6 +6,7 @@ from abc import abstractmethod
 
 import numpy as np
 
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
@@ -20,6 +21,7 @@ class CostOfConfigurations(AddedCost):
 
     def __init__(self, cost: Cost, what: str, system: MidpointSystem) -> None:
         super().__init__(cost, what, (system.N, system.nx, system.nu))
+        angles_only(system.mechanism, f"a price of {what}")
         self._nq = system.mechanism.nq
 
     @abstractmethod

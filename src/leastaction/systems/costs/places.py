@@ -50,7 +50,7 @@ class PlaceCost(CostOfConfigurations):
         self._frames = tuple(places)
         wanted, weighed = np.zeros((2, N + 1, len(places), 3))
         for i, (name, given) in enumerate(places.items()):
-            m.frame_pose(np.zeros(m.nq), name)  # an unknown name is an error here, not at the first step
+            m.frame_pose(m.configuration(), name)  # an unknown name is an error here, not at the first step
             place = np.asarray(given, dtype=np.float64)
             if place.shape not in ((3,), (N + 1, 3)):
                 raise ArgumentError(f"places: {name!r}: got shape {place.shape}, expected ({N + 1}, 3) or (3,)")

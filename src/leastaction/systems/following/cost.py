@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from leastaction.errors import ArgumentError, closest
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_number
 from leastaction.numerics.names import matching
@@ -32,6 +33,7 @@ def following_cost(
         Unknown names, negative weights, an input without one.
     """
     m = system.mechanism
+    angles_only(m, "following_cost")
     # Where frames are wanted, so is the pose that reaches them, a little: what they leave open is not left to wander.
     reached = any(values.ndim == 2 for values in wanted.values())
     value = {name: _PLACE if name in m.kinematic else _POSE * reached for name in m.variables}

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError, LeastActionError, closest
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import State, Trajectory
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import (
     Array,
@@ -182,6 +183,7 @@ def follow(
     weights = {} if weights is None else weights
     require_mapping(weights, "weights", "{'hand': 100.0}")
     m = mechanism
+    angles_only(m, "follow")
     wanted, times = _wanted(m, motion, t)
     if start is not None:
         require_instance(start, "start", State, "MidpointVI(mechanism).start(q) makes one of a configuration")

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from leastaction.errors import ArgumentError
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.looking_back import InputRates, LookingBack, Need
@@ -38,22 +39,25 @@ def quantity_of(mechanism: Mechanism, kind: str, t: Array, *, multipliers: bool)
     if kind == "input rate":
         return InputRates(m.inputs, range(m.n_inputs), t)
     if kind == "variable":
-        return Entries(m.variables, range(m.nq), of_state=True)
+        return Entries(m.coordinates, range(m.nq), of_state=True)
     if kind == "momentum":
         return Entries(m.dynamic, range(m.nq, m.nq + m.nd), of_state=True, kind="momentum of")
     if kind == "multiplier":
         return Entries(m.constraints, range(m.nx, m.nx + m.nc), of_state=True, kind="multiplier of")
     if kind == "state":
-        names = (*m.variables, *(f"p_{name}" for name in m.dynamic), *(f"v_{name}" for name in m.kinematic))
+        names = (*m.coordinates, *(f"p_{name}" for name in m.dynamic), *(f"v_{name}" for name in m.kinematic))
         if multipliers:
             names += tuple(f"lam_{name}" for name in m.constraints)
         return Entries(names, range(len(names)), of_state=True)
     dt = np.diff(t)
     if kind == "rate":
-        return Rates(m.variables, np.arange(m.nq), dt)
+        # Quaternions have no rates of their own: their angular velocities are none of the state.
+        moving = [name for name in m.variables if name in m.coordinates]
+        return Rates(moving, np.array([m.coordinates.index(name) for name in moving], dtype=np.intp), dt)
     if kind == "acceleration":
         return AccelerationQuantity(m, np.arange(m.nrho), dt)
     if kind == ACROSS:
+        angles_only(m, ACROSS)
         return AccelerationsAcross(m, np.arange(m.nq), dt)
     if kind == "tension":
         return Tensions(m, Scaled.tensions(m, 1.0), dt)
@@ -105,12 +109,12 @@ class AccelerationQuantity(Quantity):
 
     def values(self, at: Samples) -> Array:
         m, dt = self.mechanism, self.dt[at.k, None]
-        rate = (at.u[:, m.n_inputs + self.which] - at.x[:, m.nd + self.which]) / dt
+        rate = (at.u[:, m.n_inputs + self.which] - at.x[:, m.nq - m.nrho + self.which]) / dt
         return np.asarray((rate - at.x[:, m.nq + m.nd + self.which]) / dt)
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
         m, i = self.mechanism, self.which
-        return np.concatenate([m.nd + i, m.nq + m.nd + i, nx + m.n_inputs + i])
+        return np.concatenate([m.nq - m.nrho + i, m.nq + m.nd + i, nx + m.n_inputs + i])
 
     def jacobian(self, at: Samples) -> Array:
         dt = self.dt[at.k, None, None]

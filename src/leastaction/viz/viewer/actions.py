@@ -51,7 +51,7 @@ class Actions:
     def tension(self) -> dict[str, Array]:
         """Return the tension (N+1,) of every cord of which it is known, by its name."""
         found: dict[str, Array] = {}
-        values = {**dict(zip(self.m.variables, self.q.T, strict=True)), **self.inputs}
+        values = {**dict(zip(self.m.coordinates, self.q.T, strict=True)), **self.inputs}
         for name, element in self.m.elements.items():
             if not element.looks:
                 continue

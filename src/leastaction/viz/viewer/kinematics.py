@@ -12,7 +12,9 @@ from leastaction.numerics.arrays import Array
 
 
 def kinematics(m: Mechanism, q: Array, turn: Array, frames: Iterable[str], size: float) -> dict[str, Any] | None:
-    """Return what the page moves a mechanism by; None for one with constraints, which sliders would tear apart.
+    """Return what the page moves a mechanism by; None for one that sliders would tear apart.
+
+    That is one with constraints, or with a rotation that is a quaternion.
 
     ``q`` (nq,): where it stands. ``turn`` (3, 3): what makes it upright. ``frames``: those that are drawn. ``size``: of
     the mechanism (m), as far as slides go.
@@ -20,7 +22,7 @@ def kinematics(m: Mechanism, q: Array, turn: Array, frames: Iterable[str], size:
     The result has ``variables`` [name, value, low, high], ``joints`` [parent, pose, twist, terms, offset] with parents
     before children and terms [variable, factor], and ``frames`` {name: [joint, pose]}; poses are (3, 4) by columns.
     """
-    if m.nc > 0 or m.nq == 0:
+    if m.nc > 0 or m.nq == 0 or m.tree.rotations:
         return None
     whole = np.eye(4)
     whole[:3, :3] = turn

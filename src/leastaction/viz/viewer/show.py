@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import Mechanism
 from leastaction.mechanics.description.shapes import Shape
+from leastaction.mechanics.mechanism.arguments import of_unit_length
 from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.optimal import LimitReport, LimitState
@@ -111,7 +112,7 @@ def _scene(
                 f"show: got {type(what).__name__}, expected a Mechanism, a model that was loaded, a run, or a result "
                 "that knows its trajectory; of another result show(system.trajectory(result.x, result.u))"
             )
-        at = np.zeros(m.nq) if q is None else as_array(q, "q", (m.nq,), names=m.variables)
+        at = m.configuration() if q is None else as_array(q, "q", (m.nq,), names=m.coordinates)
         return motion_scene(
             m, np.zeros(1), at[None], shapes=own, reference=reference, traces=traces, up=up, title=called
         )
@@ -149,8 +150,8 @@ def _run_scene(
         given = reference.q if isinstance(reference, BaseTrajectory) else reference
         array = np.atleast_2d(np.asarray(given, dtype=float))
         array = np.repeat(array, len(t), axis=0) if len(array) == 1 else array
-        array = as_array(array, "reference", (len(t), m.nq), names=m.variables)
-        wanted = np.column_stack([np.interp(times, t, column) for column in array.T])
+        array = as_array(array, "reference", (len(t), m.nq), names=m.coordinates)
+        wanted = of_unit_length(m, np.column_stack([np.interp(times, t, column) for column in array.T]))
     actions = Actions(run, times, q)
     return motion_scene(
         m,
@@ -171,7 +172,8 @@ def _between(run: BaseTrajectory[Any], times: Array) -> Array:
     if getattr(run, "dense", None) is not None:
         states: Any = run
         return np.asarray(states(times)[:, : run.mechanism.nq])
-    return np.column_stack([np.interp(times, run.t, column) for column in run.q.T]).reshape(len(times), -1)
+    found = np.column_stack([np.interp(times, run.t, column) for column in run.q.T]).reshape(len(times), -1)
+    return of_unit_length(run.mechanism, found)
 
 
 def motion_scene(
@@ -218,7 +220,7 @@ def motion_scene(
     wanted = None
     if reference is not None:
         wanted = as_array(
-            np.atleast_2d(np.asarray(reference, dtype=float)), "reference", (len(t), m.nq), names=m.variables
+            np.atleast_2d(np.asarray(reference, dtype=float)), "reference", (len(t), m.nq), names=m.coordinates
         )
     return Scene(
         t=t,

@@ -137,7 +137,7 @@ def joint_marks(mechanism: Mechanism, q: Array, size: float) -> list[JointMark]:
     free = {i for group, indices in tree.compositions if group.kind == "free" for i in indices}
     balls = {indices[0]: indices for group, indices in tree.compositions if group.kind == "ball"}
     in_ball = {i for indices in balls.values() for i in indices}
-    values, offsets = tree.coupling(range(len(tree.joints)), mechanism.variables)
+    values, offsets = tree.coupling(range(len(tree.joints)), mechanism.coordinates)
     travel = q @ values.T + offsets
     heavy = _heavy_joints(mechanism)
     marks = []

@@ -92,6 +92,13 @@ class Damping(Force):
         return replace(self, coefficients={**self.named, parameter: value})
 
     def add_to(self, core: Compiler) -> None:
+        turns = core.context.turns
+        if turns and self.default != 0.0:
+            raise DescriptionError(
+                f"{self.label}: every dynamic variable has a damper, but the rotation of "
+                f"{next(iter(turns.values()))!r} is a quaternion and has no angles to be damped; name the variables, "
+                "or give the joint angles, axes='xyz'"
+            )
         for index, name in enumerate(core.context.dynamic):
             # A zero that was written is a parameter; one that was left out is no damping.
             if name in self.named or self.default != 0.0:

@@ -36,9 +36,9 @@ def constraint_residuals(m: Compiled, q: ArrayLike) -> dict[str, Any]:
 
 
 def constraint_jacobian(m: Compiled, q: ArrayLike) -> Array:
-    """Return Dh(q), shape (nc, nq), at q of shape (nq,)."""
+    """Return Dh(q), shape (nc, nv), at q of shape (nq,)."""
     jacobian = m.core.constraint_jacobian(single(m, q))
-    return np.asarray(jacobian).reshape(m.nc, m.nq)
+    return np.asarray(jacobian).reshape(m.nc, m.nv)
 
 
 def constraint_rank(m: Compiled, q: ArrayLike) -> int:

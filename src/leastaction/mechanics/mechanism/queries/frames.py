@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.mechanism.arguments import Compiled, batch, batch_of_states, frame_index, shaped
+from leastaction.mechanics.mechanism.arguments import Compiled, angles_only, batch, batch_of_states, frame_index, shaped
 from leastaction.mechanics.mechanism.queries.frame_derivatives import Slots, jacobian_derivative, pose_derivative
 from leastaction.mechanics.mechanism.queries.path_motion import Axes, PathMotion, inverted, origins_of, poses_of
 from leastaction.numerics.arrays import Array, as_array, as_count, as_flag
@@ -243,6 +243,7 @@ def _slots(
     what: str,
 ) -> Slots:
     """Return by what to differentiate: so often by all variables, and along directions; check the result's size."""
+    angles_only(m, what)
     count = as_count(order, f"{what}: order", 1)
     directions = as_array(along, f"{what}: along", (None, m.nq), names=m.variables) if len(along) else ()
     if len(directions) > count:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from leastaction import _core
 from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics.elements import Constraint, Force, Parts, Potential
-from leastaction.mechanics.mechanism.arguments import Compiled, inputs_of, single
+from leastaction.mechanics.mechanism.arguments import Compiled, angles_only, inputs_of, single
 from leastaction.mechanics.mechanism.queries.function_derivatives import FunctionDerivatives
 from leastaction.numerics.arrays import Array
 
@@ -39,6 +39,7 @@ def lagrangian(m: Compiled, q: ArrayLike, v: ArrayLike) -> FunctionDerivatives:
     ArgumentError
         For wrong shapes or values that are not finite.
     """
+    angles_only(m, "lagrangian")
     at, speed = single(m, q).copy(), single(m, v, "v").copy()
     evaluate = LagrangianAt(m, _parts_of(m, None, Potential), at, speed)
     arguments = {"q": m.nq, "v": m.nq}
@@ -65,6 +66,7 @@ def potential(m: Compiled, q: ArrayLike, element: str | None = None) -> Function
     ArgumentError
         For a wrong shape, an unknown element or one that is no potential.
     """
+    angles_only(m, "potential")
     evaluate = PotentialAt(m, _parts_of(m, element, Potential), single(m, q).copy())
     order = _highest_order(m, element, Potential)
     return FunctionDerivatives.of(_called("V", element), {"q": m.nq}, evaluate, highest_order=order)
@@ -95,6 +97,7 @@ def force(
     ArgumentError
         For wrong shapes, an unknown element or one that is no force.
     """
+    angles_only(m, "force")
     at, speed = single(m, q).copy(), single(m, v, "v").copy()
     given = inputs_of(m, u, "u").copy()
     evaluate = ForceAt(m, _parts_of(m, element, Force), at, speed, given)
@@ -123,6 +126,7 @@ def constraint(m: Compiled, q: ArrayLike, element: str | None = None) -> Functio
     ArgumentError
         For a wrong shape, an unknown element or one that is no constraint.
     """
+    angles_only(m, "constraint")
     parts = _parts_of(m, element, Constraint)
     rows = m.constraints[parts.first.constraints : parts.last.constraints]
     evaluate = ConstraintsAt(m, parts, single(m, q).copy())

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.description.tree import WORLD
-from leastaction.mechanics.mechanism.arguments import Compiled, batch, batch_of_states, shaped, single
+from leastaction.mechanics.mechanism.arguments import Compiled, batch, batch_of_states, rates, shaped, single
 from leastaction.numerics.arrays import Array
 
 
@@ -37,14 +37,14 @@ def energy(m: Compiled, q: ArrayLike, v: ArrayLike) -> Energy:
 
 def momentum(m: Compiled, q: ArrayLike, v: ArrayLike) -> Array:
     """Return dL/dv at q, v of shape (nq,): the momentum of every variable, kinematic ones too."""
-    found: Array = m.core.gradient(single(m, q), single(m, v, "v"))[1]
+    found: Array = m.core.gradient(single(m, q), rates(m, v))[1]
     return found
 
 
 def mass_matrix(m: Compiled, q: ArrayLike) -> Array:
     """Return the inertia matrix (nq, nq) of all variables at q of shape (nq,)."""
     # L is quadratic in v, so its second derivative by v is the same at any velocity.
-    inertia: Array = m.core.hessian(single(m, q), np.zeros(m.nq))[2]
+    inertia: Array = m.core.hessian(single(m, q), np.zeros(m.nv))[2]
     return inertia
 
 

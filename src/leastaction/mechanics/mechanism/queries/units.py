@@ -53,7 +53,7 @@ def state_units(m: Compiled, *, momenta: bool) -> tuple[str, ...]:
     rates = [rate_of(units[name]) for name in m.variables]
     if momenta:
         rates[: m.nd] = [momentum_along(units[name]) for name in m.dynamic]
-    return (*(units[name] for name in m.variables), *rates)
+    return (*(units.get(name, "1") for name in m.coordinates), *rates)
 
 
 def multiplier_units(m: Compiled, *, impulses: bool) -> tuple[str, ...]:

@@ -1,0 +1,29 @@
+// Second derivatives of Ld, and first ones of forces, by both ends of a step, where rotations take part in it: as one table
+// instead of in the places where Newton matrix and derivatives want them. See turning.hpp.
+#pragma once
+
+#include <vector>
+
+#include "discrete/newton_step.hpp"
+#include "discrete/turning.hpp"
+
+namespace leastaction {
+
+// Rows: D1Ld + fd- and D2Ld + fd+ of dynamic variables, (2 n_dynamic). Columns of `by_ends`: q1, then q2 (2 n_variables), in
+// the coordinates of the kernel until turned; of `by_u`: inputs.
+struct StepHessian {
+    NewtonMatrix::Matrix by_ends, by_u;
+
+    // At a middle at which the Lagrangian has its Hessian.
+    void evaluate(const Mechanism& m, const Lagrangian<double>& lagrangian, const ForcePoint<double>& middle,
+                  Split split, double dt, LocalTaylor<double>& local, LocalForce<double>& force);
+    // Columns of balls become derivatives by turns of the ends.
+    void turn_columns(const Mechanism& m, const std::vector<Turning>& turnings);
+    // And then rows, given the values of the rows (of the kernel's coordinates) that they are derivatives of.
+    void turn_rows(const Mechanism& m, const std::vector<Turning>& turnings, const double* start, const double* end);
+};
+
+// Values of rows of balls from the kernel's coordinates to turns of the ends, in place.
+void turn_rows_of(const Mechanism& m, const std::vector<Turning>& turnings, double* start, double* end);
+
+}  // namespace leastaction

@@ -1,0 +1,160 @@
+"""Ball and free joints whose rotation is a quaternion: names, units, files, and errors of what is not there."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import leastaction
+from leastaction.errors import ArgumentError, DescriptionError
+from leastaction.mechanics import (
+    BodyWrench,
+    ContinuousDynamics,
+    Damping,
+    Gravity,
+    JointForce,
+    JointSpring,
+    Mechanism,
+    MidpointVI,
+    Trajectory,
+    ball,
+    equilibrium,
+    free,
+    project_configuration,
+    rz,
+    tx,
+    tz,
+)
+
+
+def floater(*elements: Any) -> Mechanism:
+    base = free("base", axes="quaternion", mass=2.0, inertia=(0.1, 0.2, 0.15))
+    arm = [tx(0.2), [ball("arm", axes="quaternion", name="hand", mass=0.3, com=(0.1, 0.0, 0.05), inertia=(1e-3,) * 3)]]
+    return Mechanism([base, [*arm, rz("wheel", mass=0.1, inertia=(1e-3,) * 3)]], [Gravity(), *elements])
+
+
+def moved(m: Mechanism) -> Trajectory:
+    vi = MidpointVI(m)
+    speed = np.linspace(-1.0, 2.0, m.nv)
+    return vi.simulate(vi.start(m.configuration({"base.z": 1.0, "wheel": 0.3}), speed), np.linspace(0.0, 0.5, 26))
+
+
+def test_names_sizes_and_units() -> None:
+    m = floater()
+    turns = tuple(f"base.w{letter}" for letter in "xyz"), tuple(f"arm.w{letter}" for letter in "xyz")
+    places = tuple(f"base.{letter}" for letter in "xyz")
+    assert m.variables == (*places, *turns[0], *turns[1], "wheel")
+    quaternions = [tuple(f"{name}.q{letter}" for letter in "wxyz") for name in ("base", "arm")]
+    assert m.coordinates == (*places, *quaternions[0], *quaternions[1], "wheel")
+    assert (m.nq, m.nv, m.nd, m.nx, m.ndx) == (12, 10, 10, 22, 20)
+    q = m.configuration({"wheel": 1.0})
+    assert m.named(q) == dict(zip(m.coordinates, [0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1.0], strict=True))
+    run = moved(m)
+    assert run["arm.qw"].shape == (26,)
+    assert run.units["arm.qw"] == "1"
+    assert run.units["arm.wx"] == "rad"
+    assert run.state_units[3:7] == ("1",) * 4
+    assert run.velocity("arm.wx").shape == (25,)
+    assert "free(base: x y z qw qx qy qz)" in str(m)
+
+
+def test_is_the_same_after_files_and_processes(tmp_path: Path) -> None:
+    m = floater(BodyWrench("hand", torque=("a", "b", 0.1)))
+    path = tmp_path / "floater.yaml"
+    m.save(path)
+    for other in (Mechanism.load(path), pickle.loads(pickle.dumps(m)), m.with_parameters({})):
+        assert other == m
+        assert other.coordinates == m.coordinates
+    heavier = m.with_parameters({"base.mass": 3.0})
+    assert heavier.mass == pytest.approx(3.4)
+    grown = m.with_frames("hand", [tx(0.1, name="tip")])
+    assert grown.coordinates == m.coordinates
+    run = moved(m)
+    run.save(tmp_path / "run.npz")
+    back = leastaction.open(tmp_path / "run.npz")
+    assert np.array_equal(back.trajectory.q if hasattr(back, "trajectory") else back.q, run.q)
+
+
+def test_is_drawn(tmp_path: Path) -> None:
+    leastaction.show(moved(floater())).save(tmp_path / "run.html")
+    leastaction.show(floater()).save(tmp_path / "still.html")
+    assert all((tmp_path / name).stat().st_size > 1000 for name in ("run.html", "still.html"))
+
+
+def test_mass_matrix_is_that_of_angles_at_zero() -> None:
+    """Where all angles are zero their rates are the angular velocity."""
+    one = floater()
+    other = Mechanism(
+        [
+            free("base", mass=2.0, inertia=(0.1, 0.2, 0.15)),
+            [
+                *[tx(0.2), [ball("arm", name="hand", mass=0.3, com=(0.1, 0.0, 0.05), inertia=(1e-3,) * 3)]],
+                rz("wheel", mass=0.1, inertia=(1e-3,) * 3),
+            ],
+        ],
+        [Gravity()],
+    )
+    found = one.mass_matrix(one.configuration()), other.mass_matrix(other.configuration())
+    assert np.abs(found[0] - found[1]).max() < 1e-15
+
+
+REFUSED: dict[str, Callable[[], Any]] = {
+    "own coordinates": lambda: ball(["a", "b", "c"], axes="quaternion"),
+    "prescribed": lambda: ball("a", axes="quaternion", kinematic=True),
+    "universal": lambda: leastaction.universal("a", axes="quaternion"),
+    "a spring": lambda: floater(JointSpring("arm.wx", 1.0)),
+    "a motor": lambda: floater(JointForce("arm.wx", "u")),
+    "a damper": lambda: floater(Damping({"base.wz": 1.0})),
+    "dampers everywhere": lambda: floater(Damping(0.1)),
+    "apart": lambda: Mechanism(
+        [ball("a", axes="quaternion", mass=1.0, inertia=(1.0, 1.0, 1.0)), tz("z", mass=1.0)],
+        dynamic=["a.wx", "z", "a.wy", "a.wz"],
+    ),
+}
+
+
+@pytest.mark.parametrize("what", list(REFUSED))
+def test_what_has_no_angle_is_refused(what: str) -> None:
+    with pytest.raises(DescriptionError, match=r"quaternion|turns of|letters of 'xyz'"):
+        REFUSED[what]()
+
+
+def test_a_quaternion_has_length_one() -> None:
+    m = floater()
+    q = m.configuration()
+    q[3] = 1.1
+    for asked in (MidpointVI(m).start, m.positions):
+        with pytest.raises(ArgumentError, match=r"base\.qw.*length 1\.1"):
+            asked(q)
+    with pytest.raises(ArgumentError, match=r"unit quaternion"):
+        m.configuration({"base.qx": 0.5})
+    # Rounding of a file is taken out.
+    q[3] = 1.0 + 1e-8
+    assert MidpointVI(m).start(q).q[3] == 1.0
+
+
+def test_what_is_not_there_says_so() -> None:
+    m = floater()
+    q, v = m.configuration(), np.zeros(m.nv)
+    vi, run = MidpointVI(m), moved(m)
+    asked: list[Callable[[], Any]] = [
+        lambda: ContinuousDynamics(m),
+        lambda: equilibrium(m, q),
+        lambda: project_configuration(m, q),
+        lambda: m.lagrangian(q, v),
+        lambda: m.potential(q),
+        lambda: m.frame_pose_derivative(q, "hand"),
+        lambda: m.frame_jacobian_derivative(q, "hand"),
+        lambda: vi.discrete_lagrangian(q, q, 0.1),
+        lambda: vi.sensitivity(run, ["base.mass"]),
+        run.reactions,
+        lambda: vi.simulate(run.state(0), [0.0, 0.1], inputs=lambda t, x: np.zeros(0), law_at="midpoint"),
+    ]
+    for ask in asked:
+        with pytest.raises(ArgumentError, match=r"a rotation is a quaternion"):
+            ask()

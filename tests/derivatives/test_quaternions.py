@@ -1,0 +1,247 @@
+"""Steps with rotations that are quaternions: A, B and second derivatives against JAX on SO(3) and differences."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from leastaction import _core
+from leastaction.mechanics import (
+    BodyWrench,
+    Distance,
+    Element,
+    Gravity,
+    LinearDamper,
+    LinearSpring,
+    Mechanism,
+    MidpointVI,
+    PointToPoint,
+    ball,
+    free,
+    project_velocity,
+    rz,
+    tx,
+    ty,
+    tz,
+)
+
+RELATIVE = 1e-11
+DT = 0.07
+
+
+def top_on_cart() -> Mechanism:
+    """A heavy top whose point slides along x."""
+    top = ball("top", axes="quaternion", mass=1.2, com=(0.1, -0.05, 0.4), inertia=(0.3, 0.45, 0.25, 0.02, -0.01, 0.03))
+    return Mechanism([tx("cart", mass=2.0), [top]], [Gravity(), BodyWrench("top", torque=("roll", 0.2, "yaw"))])
+
+
+def equations_in_jax(x: np.ndarray, u: np.ndarray, phi: np.ndarray, x_next: np.ndarray) -> Any:
+    """Return the equations of a step of that top and its next momenta, written anew in JAX.
+
+    They are functions of ``[dx; du]`` and of the change of the next configuration, in the charts of both states.
+    """
+    jax = pytest.importorskip("jax")
+    jnp = jax.numpy
+    com, g = jnp.array([0.1, -0.05, 0.4]), 9.81
+    inertia = jnp.array([[0.3, 0.02, -0.01], [0.02, 0.45, 0.03], [-0.01, 0.03, 0.25]])
+
+    def hat(a: Any) -> Any:
+        return jnp.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+
+    def near_zero(a: Any) -> Any:  # exp, with derivatives at zero to the fourth order
+        A = hat(a)
+        return jnp.eye(3) + A + A @ A / 2.0 + A @ A @ A / 6.0 + A @ A @ A @ A / 24.0
+
+    def exponential(a: Any) -> Any:  # not at zero
+        A, square = hat(a), a @ a
+        angle = jnp.sqrt(square)
+        return jnp.eye(3) + jnp.sin(angle) / angle * A + (1.0 - jnp.cos(angle)) / square * A @ A
+
+    def logarithm(R: Any) -> Any:  # not of the identity
+        w = jnp.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2.0
+        sine = jnp.sqrt(w @ w)
+        return jnp.arctan2(sine, (jnp.trace(R) - 1.0) / 2.0) / sine * w
+
+    def small_turn(R: Any) -> Any:  # a logarithm whose derivatives at the identity are right to the second order
+        return jnp.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2.0
+
+    qw, qx, qy, qz = x[1:5]
+    v = jnp.array([qx, qy, qz])
+    R1 = (qw**2 - v @ v) * jnp.eye(3) + 2.0 * jnp.outer(v, v) + 2.0 * qw * hat(v)
+    R2 = R1 @ exponential(jnp.asarray(phi))
+
+    def energy(R: Any, speed: Any, w: Any) -> Any:
+        velocity = jnp.array([speed, 0.0, 0.0]) + R @ jnp.cross(w, com)
+        kinetic = 0.5 * 1.2 * velocity @ velocity + 0.5 * w @ inertia @ w + 0.5 * 2.0 * speed**2
+        return kinetic - 1.2 * g * (R @ com)[2]
+
+    def Ld(q1: Any, start: Any, q2: Any, end: Any) -> Any:
+        turn = logarithm(start.T @ end)
+        return DT * energy(start @ exponential(turn / 2.0), (q2 - q1) / DT, turn / DT)
+
+    def work(a: Any, b: Any, start: Any, end: Any, u: Any) -> Any:
+        """Of the torque at the middle, by how turns of the ends turn the middle: its derivatives at zero are meant."""
+        R = start @ exponential(logarithm(start.T @ end) / 2.0)
+        moved, reached = start @ near_zero(a), end @ near_zero(b)
+        middle = moved @ exponential(logarithm(moved.T @ reached) / 2.0)
+        return DT * jnp.array([u[0], 0.2, u[1]]) @ small_turn(R.T @ middle)
+
+    def rows(q1: Any, start: Any, q2: Any, end: Any, u: Any) -> tuple[Any, Any]:
+        zero = jnp.zeros(3)
+
+        def moved(s: Any, a: Any, t: Any, b: Any) -> Any:
+            return Ld(q1 + s, start @ near_zero(a), q2 + t, end @ near_zero(b))
+
+        s, a, t, b = jax.grad(moved, argnums=(0, 1, 2, 3))(0.0, zero, 0.0, zero)
+        by_start, by_end = jax.grad(work, argnums=(0, 1))(zero, zero, start, end, u)
+        a, b = a + by_start, b + by_end
+        return jnp.concatenate([s[None], a]), jnp.concatenate([t[None], b])
+
+    def equations(w: Any) -> tuple[Any, Any]:
+        th, y = w[:10], w[10:]
+        q1, start = x[0] + th[0], R1 @ near_zero(th[1:4])
+        before, after = rows(q1, start, x_next[0] + y[0], R2 @ near_zero(y[1:]), jnp.asarray(u) + th[8:])
+        return jnp.asarray(x[5:]) + th[4:8] + before, after
+
+    return equations
+
+
+@pytest.mark.slow
+def test_first_and_second_derivatives_are_those_of_jax() -> None:
+    jax = pytest.importorskip("jax")
+    m = top_on_cart()
+    vi = MidpointVI(m, tolerance=1e-15)
+    q = m.configuration({"cart": 0.3, "top.qw": 0.5, "top.qx": 0.5, "top.qy": -0.5, "top.qz": 0.5})
+    state, u = vi.start(q, [0.4, 3.0, -4.0, 6.0]), np.array([0.3, -0.4])
+    run = vi.simulate(state, [0.0, DT], inputs=u)
+    phi = run.v[0, 1:] * DT
+    assert 0.4 < np.linalg.norm(phi) < 0.7
+    d = vi.linearize(run)
+    z = np.array([0.7, 1.0, -2.0, 0.5, -0.3, 0.9, 0.4, -1.1])
+    with jax.enable_x64(True):
+        equations = equations_in_jax(run.x[0], u, phi, run.x[1])
+        zero = jax.numpy.zeros(14)
+        F, G = (np.asarray(each) for each in equations(zero))
+        F_w, G_w = (np.asarray(each) for each in jax.jacfwd(equations)(zero))
+        mu = -np.linalg.solve(F_w[:, 10:].T, z[:4] + G_w[:, 10:].T @ z[4:])
+        bent = jax.jacfwd(jax.jacfwd(lambda w: mu @ equations(w)[0] + z[4:] @ equations(w)[1]))(zero)
+    assert np.abs(F).max() < 1e-13
+    assert np.abs(G - run.x[1, 5:]).max() < 1e-13
+    by_theta = np.vstack([np.eye(10), -np.linalg.solve(F_w[:, 10:], F_w[:, :10])])
+    first = np.vstack([by_theta[10:], G_w @ by_theta])
+    second = by_theta.T @ np.asarray(bent) @ by_theta
+    assert np.abs(np.hstack([d.A[0], d.B[0]]) - first).max() < RELATIVE * np.abs(first).max()
+    assert np.abs(d.curvature(z[None])[0] - second).max() < RELATIVE * np.abs(second).max()
+
+
+def tumbling(*elements: Element) -> Mechanism:
+    """A floating base with a leg, whose foot hangs on a ball joint, beside a prescribed hand."""
+    base = free(
+        "base", axes="quaternion", mass=2.0, com=(0.05, 0.02, -0.03), inertia=(0.1, 0.2, 0.15, 0.01, 0.02, -0.01)
+    )
+    leg = rz("knee", name="leg", mass=0.5, com=(0.1, 0.0, 0.02), inertia=(0.02, 0.01, 0.03))
+    foot = ball("hip", axes="quaternion", name="foot", mass=0.4, com=(0.1, 0.03, 0.05), inertia=(0.02, 0.01, 0.015))
+    tree: list[Any] = [base, [tx(0.3), [leg, [tx(0.3), [foot, [tx(0.2, name="toe")]]]], ty(-0.4, name="left")]]
+    return Mechanism([*tree, tz("lift", kinematic=True, name="hand")], [Gravity(), *elements])
+
+
+FORCES = (LinearSpring("toe", "left", 40.0, 0.3), LinearDamper("toe", "hand", 0.7))
+WRENCH = BodyWrench("foot", force=(0.1, "push", 0.0), torque=("roll", 0.3, "yaw"))
+ROD = Distance("toe", "hand", 0.9, name="rod")
+PIN = PointToPoint("left", "hand", name="pin")
+
+
+@pytest.mark.parametrize(
+    "elements", [(), FORCES, (WRENCH,), (ROD,), (PIN, *FORCES, WRENCH)], ids=["free", "forces", "wrench", "rod", "all"]
+)
+def test_derivatives_are_those_of_differences(elements: tuple[Element, ...]) -> None:
+    m = tumbling(*elements)
+    rng = np.random.default_rng(3)
+    q, v = m.configuration(), 2.0 * rng.standard_normal(m.nv)
+    for rotation in m.tree.rotations:
+        first = m.coordinates.index(rotation.quaternion[0])
+        turn = rng.standard_normal(4)
+        q[first : first + 4] = turn / np.linalg.norm(turn)
+    if PIN in elements:
+        q[:3] -= m.positions(q, ("left",))[0] - m.positions(q, ("hand",))[0]
+    if ROD in elements:
+        apart = float(np.linalg.norm(np.diff(m.positions(q, ("toe", "hand")), axis=0)))
+        m = m.with_parameters({"rod.length": apart})
+    v = project_velocity(m, q, v).v if m.nc else v
+    vi = MidpointVI(m, tolerance=1e-15)
+    t, u = np.array([0.0, 0.05]), np.append(0.3 * rng.standard_normal(m.n_inputs), 0.03)
+    x0 = vi.start(q, v).x
+
+    def end(d: np.ndarray) -> np.ndarray:
+        start = _core.plus(m.core, x0[None], d[None, : m.ndx])[0]
+        out = vi.core.roll_out(t, start, None, (u + d[m.ndx :])[None], None)
+        assert out.steps == 1
+        return np.concatenate([_core.difference(m.core, out.x[1:], x1[None])[0], out.lam[0]])
+
+    x1 = vi.core.roll_out(t, x0, None, u[None], None).x[1]
+    core = _core.Linearization(vi.core, 1, True)
+    assert core.along(t, np.stack([x0, x1]), u[None]) == 1
+    n = m.ndx + len(u)
+    first = np.hstack([core.A[0][:, : m.ndx], core.B[0]])
+    z = rng.standard_normal(m.ndx + m.nc)
+    second = core.curvature(z[None])[0]
+    for _ in range(6):
+        e = rng.standard_normal(n) / np.sqrt(n)
+        h = 4e-3
+        plus, minus = [end(k * h * e) for k in (1, 2, 3)], [end(-k * h * e) for k in (1, 2, 3)]
+        slope = sum(w * (a - b) for w, a, b in zip((0.75, -0.15, 1.0 / 60.0), plus, minus, strict=True)) / h
+        bend = sum(w * (a + b) for w, a, b in zip((1.5, -0.15, 1.0 / 90.0), plus, minus, strict=True))
+        bend = (bend - 49.0 / 18.0 * end(np.zeros(n))) / h**2
+        assert np.abs(first @ e - slope).max() < 1e-8 * np.abs(first).max()
+        assert abs(e @ second @ e - z @ bend) < 1e-7 * max(1.0, np.abs(second).max())
+
+
+def test_parameters() -> None:
+    """Numbers of elements, masses and the length of a step, against differences."""
+    m = tumbling(*FORCES, WRENCH)
+    vi = MidpointVI(m, tolerance=1e-15)
+    rng = np.random.default_rng(5)
+    run = vi.simulate(
+        vi.start(m.configuration(), rng.standard_normal(m.nv) * 3.0), [0.0, 0.06], inputs=[0.2, 0.1, -0.3]
+    )
+    names = ["base.mass", "foot.inertia.xy", "leg.com.x", "LinearDamper.coefficient", "BodyWrench.torque.y"]
+    names = [name for name in names if name in m.parameters]
+    assert len(names) >= 3
+    found = vi.differentiate_by(run, names).x[0]
+    for column, name in enumerate(names):
+        h, ends = 1e-4, []
+        for k in (1, -1, 2, -2):
+            other = MidpointVI(m.with_parameters({name: m.parameters[name] + k * h}), tolerance=1e-15)
+            x = other.core.roll_out(run.t, run.x[0], None, run.u, None).x[1:]
+            ends.append(_core.difference(m.core, x, run.x[1:])[0])
+        slope = (8.0 * (ends[0] - ends[1]) - (ends[2] - ends[3])) / (12.0 * h)
+        assert np.abs(found[:, column] - slope).max() < 1e-8 * max(1.0, np.abs(slope).max())
+
+
+def test_mass_matrix_and_weight_are_those_of_pinocchio() -> None:
+    """With its free flyer, whose linear velocity is in the axes of the body, and its spherical joint."""
+    pin = pytest.importorskip("pinocchio")
+    moments, hip = np.array([[0.1, 0.01, 0.02], [0.01, 0.2, -0.01], [0.02, -0.01, 0.15]]), np.array([0.3, -0.1, 0.2])
+    theirs = pin.Model()
+    base = theirs.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+    theirs.appendBodyToJoint(base, pin.Inertia(2.0, np.array([0.05, 0.02, -0.03]), moments), pin.SE3.Identity())
+    leg = theirs.addJoint(base, pin.JointModelSpherical(), pin.SE3(np.eye(3), hip), "leg")
+    theirs.appendBodyToJoint(leg, pin.Inertia(0.4, np.array([0.1, 0.03, 0.05]), 0.1 * moments), pin.SE3.Identity())
+    body = free("base", axes="quaternion", mass=2.0, com=(0.05, 0.02, -0.03), inertia=moments)
+    foot = ball("leg", axes="quaternion", mass=0.4, com=(0.1, 0.03, 0.05), inertia=0.1 * moments)
+    m = Mechanism([body, [tx(hip[0]), [ty(hip[1]), [tz(hip[2]), [foot]]]]], [Gravity(theirs.gravity.linear)])
+    rng = np.random.default_rng(2)
+    turns = rng.standard_normal((2, 4))
+    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+    place = rng.standard_normal(3)
+    q = np.r_[place, turns[0], turns[1]]
+    their_q = np.r_[place, np.roll(turns[0], -1), np.roll(turns[1], -1)]
+    T = np.eye(9)
+    T[:3, :3] = m.frame_pose(q, "base")[:3, :3].T
+    data = theirs.createData()
+    inertia = T.T @ pin.crba(theirs, data, their_q) @ T
+    weight = T.T @ pin.computeGeneralizedGravity(theirs, data, their_q)
+    assert np.abs(m.mass_matrix(q) - inertia).max() < 1e-13
+    assert np.abs(m.core.gradient(q, np.zeros(9))[0] + weight).max() < 1e-12
