@@ -223,6 +223,10 @@ PUBLIC: dict[str, Callable[[], Any]] = {
     "LinearSpring": lambda: la.LinearSpring("bob", "hand", stiffness=2.0, length=1.0),
     "Mechanism": changed,
     "MechanismSystem": lambda: la.MechanismSystem(dynamics()),
+    "KalmanFilter": lambda: la.KalmanFilter(
+        system(), measure=np.eye(1, system().nx), noise=0.1, process=0.1, x=np.zeros(system().nx)
+    ),
+    "MPC": lambda: la.MPC(system(), cost()),
     "MidpointSystem": system,
     "MidpointVI": integrator,
     "NonlinearDamping": lambda: la.NonlinearDamping("x", [0.0, 1.0, 2.0]),

@@ -108,6 +108,7 @@ def equations_in_jax(x: np.ndarray, u: np.ndarray, phi: np.ndarray, x_next: np.n
     return equations
 
 
+@pytest.mark.slow
 def test_first_and_second_derivatives_are_those_of_jax() -> None:
     jax = pytest.importorskip("jax")
     m = top_on_cart()
@@ -217,3 +218,30 @@ def test_parameters() -> None:
             ends.append(_core.difference(m.core, x, run.x[1:])[0])
         slope = (8.0 * (ends[0] - ends[1]) - (ends[2] - ends[3])) / (12.0 * h)
         assert np.abs(found[:, column] - slope).max() < 1e-8 * max(1.0, np.abs(slope).max())
+
+
+def test_mass_matrix_and_weight_are_those_of_pinocchio() -> None:
+    """With its free flyer, whose linear velocity is in the axes of the body, and its spherical joint."""
+    pin = pytest.importorskip("pinocchio")
+    moments, hip = np.array([[0.1, 0.01, 0.02], [0.01, 0.2, -0.01], [0.02, -0.01, 0.15]]), np.array([0.3, -0.1, 0.2])
+    theirs = pin.Model()
+    base = theirs.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+    theirs.appendBodyToJoint(base, pin.Inertia(2.0, np.array([0.05, 0.02, -0.03]), moments), pin.SE3.Identity())
+    leg = theirs.addJoint(base, pin.JointModelSpherical(), pin.SE3(np.eye(3), hip), "leg")
+    theirs.appendBodyToJoint(leg, pin.Inertia(0.4, np.array([0.1, 0.03, 0.05]), 0.1 * moments), pin.SE3.Identity())
+    body = free("base", axes="quaternion", mass=2.0, com=(0.05, 0.02, -0.03), inertia=moments)
+    foot = ball("leg", axes="quaternion", mass=0.4, com=(0.1, 0.03, 0.05), inertia=0.1 * moments)
+    m = Mechanism([body, [tx(hip[0]), [ty(hip[1]), [tz(hip[2]), [foot]]]]], [Gravity(theirs.gravity.linear)])
+    rng = np.random.default_rng(2)
+    turns = rng.standard_normal((2, 4))
+    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+    place = rng.standard_normal(3)
+    q = np.r_[place, turns[0], turns[1]]
+    their_q = np.r_[place, np.roll(turns[0], -1), np.roll(turns[1], -1)]
+    T = np.eye(9)
+    T[:3, :3] = m.frame_pose(q, "base")[:3, :3].T
+    data = theirs.createData()
+    inertia = T.T @ pin.crba(theirs, data, their_q) @ T
+    weight = T.T @ pin.computeGeneralizedGravity(theirs, data, their_q)
+    assert np.abs(m.mass_matrix(q) - inertia).max() < 1e-13
+    assert np.abs(m.core.gradient(q, np.zeros(9))[0] + weight).max() < 1e-12

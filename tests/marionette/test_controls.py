@@ -66,6 +66,7 @@ from leastaction_marionette.tracking import (
     load_unfinished,
     save_search,
     settle,
+    tracker,
     tying,
 )
 from leastaction_marionette.tracking.by_lengths import _qualified
@@ -351,7 +352,7 @@ def test_a_run_on_bars_comes_back_from_its_file_and_goes_on(run: TrackingRun, tm
 
 @pytest.mark.parametrize(("dt", "iterations"), [(0.02, 1), (0.02, 4), (0.01, 1)])
 def test_a_run_cut_short_is_an_answer_too(dt: float, iterations: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tying, "_FEW", 10)
+    monkeypatch.setattr(tracker, "_FEW", 10)
     run = track(marionette(strings="cross+legs"), walk_in_place(0.4, dt), max_iterations=iterations)
     assert len(run.result.u) == round(0.4 / dt)
     assert run.tension.min() >= _LEAST
@@ -365,20 +366,19 @@ def test_a_run_cut_short_is_an_answer_too(dt: float, iterations: int, monkeypatc
 def test_strings_are_tied_loosely_with_longer_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     """And firmly with the motion's own: the answer is that of a search with these alone."""
     motion, ends = walk_in_place(0.5, 0.01), dict[int, list[float]]()
-    whole = Tracker.improve
+    whole = tying.improved
 
-    def improve(self: Tracker) -> OptimizationResult:
-        result = whole(self)
-        assert self.plan is not None
-        assert self.plan.ties is not None
-        ends.setdefault(len(result.u), []).append(self.plan.ties.weight)
-        return result
+    def improved(tracker: Tracker) -> tuple[Tracker, OptimizationResult]:
+        tracker, result = whole(tracker)
+        assert tracker.ties is not None
+        ends.setdefault(len(result.u), []).append(tracker.ties.weight)
+        return tracker, result
 
-    monkeypatch.setattr(Tracker, "improve", improve)
+    monkeypatch.setattr(tying, "improved", improved)
     alone = track(marionette(strings="cross+legs"), motion)
     assert set(ends) == {50}
     ends.clear()
-    monkeypatch.setattr(tying, "_FEW", 10)
+    monkeypatch.setattr(tracker, "_FEW", 10)
     run = track(marionette(strings="cross+legs"), motion)
     assert run.result.success
     assert set(ends) == {25, 50}
@@ -418,7 +418,7 @@ def test_what_is_found_while_strings_are_tied_is_kept_and_gone_on_with(
     dt: float, after: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where the program ends then: with the lengths that strings had, as if it had not ended."""
-    monkeypatch.setattr(tying, "_FEW", 10)
+    monkeypatch.setattr(tracker, "_FEW", 10)
     motion, kept = walk_in_place(0.4, dt), list[TrackingSearch]()
 
     class Killed(Exception):
@@ -462,16 +462,16 @@ def test_a_motion_on_which_strings_cannot_be_tied_ends_in_an_answer(
     Gone on with, it comes nearer to the motion by a fifth of a degree; after four optimisations strings vary by half a
     millimetre, and nothing is left to gain.
     """
-    made, whole = 0, Tracker.improve
+    made, whole = 0, tying.improved
 
-    def improve(self: Tracker) -> OptimizationResult:
+    def improved(tracker: Tracker) -> tuple[Tracker, OptimizationResult]:
         nonlocal made
         made += 1
         if made > optimisations:
             raise ProjectionError("lost")
-        return whole(self)
+        return whole(tracker)
 
-    monkeypatch.setattr(Tracker, "improve", improve)
+    monkeypatch.setattr(tying, "improved", improved)
     monkeypatch.setattr(beginning, "on_one_bar", lambda _: False)  # it begins with motors
     said: list[str] = []
     run = track(marionette(strings="cross"), walk_in_place(0.4, 0.02), progress=said.append)
@@ -495,12 +495,12 @@ def test_what_is_still_to_be_tied_need_not_be_a_minimum(monkeypatch: pytest.Monk
     """A search that creeps while strings are tied loosely goes on to tie them, where it stands."""
     tied: list[OptimizationResult] = []
 
-    def tie(tracker: Tracker, result: OptimizationResult) -> None:
+    def with_lengths_of(tracker: Tracker, result: OptimizationResult) -> Tracker:
         tied.append(result)
-        whole(tracker, result)
+        return whole(tracker, result)
 
-    whole = tying.tie
-    monkeypatch.setattr(tying, "tie", tie)
+    whole = tying.with_lengths_of
+    monkeypatch.setattr(tying, "with_lengths_of", with_lengths_of)
     monkeypatch.setattr(Pace, "creeps", lambda *_: len(tied) < 2)
     said: list[str] = []
     run = track(marionette(strings="cross+legs"), walk_in_place(0.4, 0.02), progress=said.append)

@@ -82,7 +82,7 @@ def test_how_far_strings_will_vary_is_foretold() -> None:
 
 def test_on_one_bar_it_begins_with_a_puppet_that_is_held_still(monkeypatch: pytest.MonkeyPatch) -> None:
     """With longer steps at first."""
-    monkeypatch.setattr(tying, "_FEW", 10)
+    monkeypatch.setattr(tracker, "_FEW", 10)
     weights, said = _told(monkeypatch), list[str]()
     run = track(marionette(strings="cross"), walk_in_place(0.5, 0.01), progress=said.append)
     assert run.result.success
@@ -99,25 +99,27 @@ def test_where_that_leads_nowhere_it_begins_with_motors(
     """Where no pose is held still, or nothing is found from it: as if that had not been tried."""
     motion, puppet = walk_in_place(0.5, 0.01), marionette(strings="cross")
     if longer:
-        monkeypatch.setattr(tying, "_FEW", 10)
+        monkeypatch.setattr(tracker, "_FEW", 10)
     weights, said, kept = _told(monkeypatch), list[str](), list[TrackingSearch]()
-    holds_still, more_firmly = tying.holds_still, tying._more_firmly
+    holds_still, more_firmly = tying.held, tying._more_firmly
 
-    def nothing_from(tracker: Tracker, near: OptimizationResult) -> OptimizationResult:
+    def nothing_from(tracker: Tracker, near: OptimizationResult | None) -> tuple[Tracker, OptimizationResult]:
         if not held:
             raise (ProjectionError if longer else ArgumentError)("no pose")
         monkeypatch.setattr(tying, "_more_firmly", not_tied)
         return holds_still(tracker, near)
 
-    def not_tied(*arguments: Any, **_: Any) -> OptimizationResult:
+    def not_tied(
+        tracker: Tracker, result: OptimizationResult, *_: Any, **__: Any
+    ) -> tuple[Tracker, OptimizationResult]:
         monkeypatch.setattr(tying, "_more_firmly", more_firmly)
-        return replace(arguments[1], status=Status.LINE_SEARCH_FAILED, message=tying._NOT_TIED)
+        return tracker, replace(result, status=Status.LINE_SEARCH_FAILED, message=tying._NOT_TIED)
 
     def keep(found: TrackingRun | TrackingSearch) -> None:
         if isinstance(found, TrackingSearch):
             kept.append(found)
 
-    monkeypatch.setattr(tying, "holds_still", nothing_from)
+    monkeypatch.setattr(tying, "held", nothing_from)
     run = track(puppet, motion, progress=said.append, checkpoint=keep, checkpoint_seconds=0.0)
     assert said[1] == "no motion is found from there: it is sought with motors"
     assert run.result.success
@@ -135,7 +137,7 @@ def test_where_that_leads_nowhere_it_begins_with_motors(
 
 def test_who_ends_a_search_on_one_bar_gets_what_was_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """By Ctrl-C, with longer steps or its own, or by a limit on iterations: nothing is sought with motors then."""
-    monkeypatch.setattr(tying, "_FEW", 10)
+    monkeypatch.setattr(tracker, "_FEW", 10)
     motion, puppet, said = walk_in_place(0.5, 0.01), marionette(strings="cross"), list[str]()
 
     def stopped(after: int) -> TrackingRun:
@@ -158,12 +160,11 @@ def test_who_ends_a_search_on_one_bar_gets_what_was_found(monkeypatch: pytest.Mo
         assert run.tension.min() >= 0.5
         assert len(run.result.u) == 50
 
-    def at_the_limit(tracker: Tracker, *arguments: Any, **options: Any) -> OptimizationResult:
-        found = more_firmly(tracker, *arguments, **options)
-        assert tracker.plan is not None
-        assert tracker.plan.ties is not None
-        tracker.plan.ties.firm, tracker.left = False, 0
-        return replace(found, status=Status.ITERATION_LIMIT)
+    def at_the_limit(*arguments: Any, **options: Any) -> tuple[Tracker, OptimizationResult]:
+        tracker, found = more_firmly(*arguments, **options)
+        assert tracker.ties is not None
+        tracker = replace(tracker.tied(tracker.ties.weight), left=0)
+        return tracker, replace(found, status=Status.ITERATION_LIMIT)
 
     more_firmly = tying._more_firmly
     monkeypatch.setattr(tying, "_more_firmly", at_the_limit)
@@ -179,7 +180,7 @@ def test_a_search_on_one_bar_that_is_ended_far_from_any_motion_goes_on_there(
     own_steps: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """To the last bit: what is kept is no puppet held still."""
-    monkeypatch.setattr(tying, "_FEW", 10)
+    monkeypatch.setattr(tracker, "_FEW", 10)
     motion, puppet, kept, records = walk_in_place(0.5, 0.01), marionette(strings="cross"), [], list[IterationRecord]()
 
     def ended(record: IterationRecord) -> None:
@@ -206,18 +207,20 @@ def test_a_search_on_one_bar_that_is_ended_far_from_any_motion_goes_on_there(
 
 def test_where_nothing_is_found_from_a_puppet_held_still_it_has_its_own_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     """Though longer ones were to be taken for what would be found from there."""
-    monkeypatch.setattr(tying, "_FEW", 10)
+    monkeypatch.setattr(tracker, "_FEW", 10)
 
-    def not_tied(*arguments: Any, **_: Any) -> OptimizationResult:
-        return replace(arguments[1], status=Status.LINE_SEARCH_FAILED, message=tying._NOT_TIED)
+    def not_tied(
+        tracker: Tracker, result: OptimizationResult, *_: Any, **__: Any
+    ) -> tuple[Tracker, OptimizationResult]:
+        return tracker, replace(result, status=Status.LINE_SEARCH_FAILED, message=tying._NOT_TIED)
 
-    def no_pose(*_: Any) -> OptimizationResult:
-        monkeypatch.setattr(tying, "holds_still", holds_still)
+    def no_pose(*_: Any) -> tuple[Tracker, OptimizationResult]:
+        monkeypatch.setattr(tying, "held", holds_still)
         raise ArgumentError("no pose")
 
-    holds_still = tying.holds_still
+    holds_still = tying.held
     monkeypatch.setattr(tying, "_more_firmly", not_tied)
-    monkeypatch.setattr(tying, "holds_still", no_pose)
+    monkeypatch.setattr(tying, "held", no_pose)
     run = track(marionette(strings="cross+legs"), walk_in_place(0.5, 0.01))
     assert len(run.result.u) == 50
     assert not run.result.success
@@ -252,19 +255,17 @@ def test_optimisations_on_bars_that_lead_on_end_where_they_creep(monkeypatch: py
     paces, weights = list[float](), list[float]()
 
     class Paced(Pace):
-        def __init__(self, *, hardly: float = 0.0) -> None:
-            super().__init__(hardly=hardly)
+        def __init__(self, *, hardly: float = 0.0, earlier: OptimizationResult | None = None) -> None:
+            super().__init__(hardly=hardly, earlier=earlier)
             paces.append(hardly)
 
-    whole = Tracker._optimised
+    whole = tracker._optimised
 
-    def optimised(self: Tracker) -> OptimizationResult:
-        result = whole(self)
-        assert self.plan is not None
-        weights.append(np.inf if self.plan.ties is None else self.plan.ties.weight)
-        return result
+    def optimised(it: Tracker) -> OptimizationResult:
+        weights.append(np.inf if it.ties is None else it.ties.weight)
+        return whole(it)
 
-    monkeypatch.setattr(Tracker, "_optimised", optimised)
+    monkeypatch.setattr(tracker, "_optimised", optimised)
     monkeypatch.setattr(tracker, "Pace", Paced)
     monkeypatch.setattr(tying, "_SETTLED", 0.0)
     motion = walk_in_place(0.5, 0.02)
@@ -281,16 +282,15 @@ def test_which_controls_are_one_bar_for_all_strings() -> None:
 
 def _told(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, float]]:
     """Return a list to which each optimisation of a motion on bars adds its steps, and what lengths weigh."""
-    whole, weights = Tracker.improve, list[tuple[int, float]]()
+    whole, weights = tying.improved, list[tuple[int, float]]()
 
-    def improve(self: Tracker) -> OptimizationResult:
-        result = whole(self)
-        assert self.plan is not None
-        assert self.plan.ties is not None
-        weights.append((len(result.u), self.plan.ties.weight))
-        return result
+    def improved(tracker: Tracker) -> tuple[Tracker, OptimizationResult]:
+        tracker, result = whole(tracker)
+        assert tracker.ties is not None
+        weights.append((len(result.u), tracker.ties.weight))
+        return tracker, result
 
-    monkeypatch.setattr(Tracker, "improve", improve)
+    monkeypatch.setattr(tying, "improved", improved)
     return weights
 
 

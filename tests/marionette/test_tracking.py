@@ -36,6 +36,7 @@ from leastaction_marionette.tracking import (
     by_lengths,
     files,
     growing,
+    limits,
     load_run,
     load_unfinished,
     motors,
@@ -46,6 +47,7 @@ from leastaction_marionette.tracking import (
     track,
     tracker,
 )
+from leastaction_marionette.tracking.found import Effort
 from leastaction_marionette.tracking.poses import at_rest
 from leastaction_marionette.tracking.problem import TrackingProblem
 from marionette.motions import leap
@@ -114,25 +116,18 @@ def test_ctrl_c_ends_the_search_for_a_first_trajectory(monkeypatch: pytest.Monke
     assert len(calls) == 2
 
 
-@pytest.mark.parametrize("grows", [True, False])
-def test_a_first_motion_that_cannot_be_followed_is_no_error(grows: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The motion grows from a puppet that hangs; or the run begins with that; its strings pull."""
+def test_a_first_motion_that_cannot_be_followed_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The run begins with a puppet that hangs; its strings pull."""
 
-    def wild(wanted: plan.TrackingPlan, *_: object, **__: object) -> tuple[np.ndarray, np.ndarray]:
+    def wild(wanted: plan.TrackingPlan, *_: object, effort: Effort, **__: object) -> tuple[Array, Array, Effort]:
         noise = np.random.default_rng(0).normal(scale=1e3, size=wanted.x_reference.shape)
-        return wanted.x_reference + noise, wanted.u_reference + 1e6
+        return wanted.x_reference + noise, wanted.u_reference + 1e6, effort
 
     monkeypatch.setattr(beginning, "search", wild)
-    if not grows:
-        monkeypatch.setattr(beginning, "grown", wild)
     said: list[str] = []
     run = track(PUPPET, leap(), planned=True, max_iterations=2, progress=said.append)
-    assert any("larger parts of the wanted one" in each for each in said)
-    assert ("begins with a puppet that hangs" in said[-1]) is not grows
+    assert "begins with a puppet that hangs" in said[0]
     assert run.tension.min() >= 0.0
-    if grows:
-        assert "100 % of the motion" in said[-1]
-        assert run.held_error < 5.0
 
 
 class Killed(Exception):
@@ -308,7 +303,7 @@ def test_what_strings_bear_holds_wherever_a_plan_begins(monkeypatch: pytest.Monk
 
     monkeypatch.setattr(motors, "driven", driven)
     with pytest.raises(KeyboardInterrupt):
-        motors.search(held, lambda _: None, keep=lambda *_: None)
+        motors.search(held, lambda _: None, effort=Effort(), scale=1.0, keep=lambda *_: None)
     assert begun[0].max() < 60.0 - 1.0
 
 
@@ -349,7 +344,7 @@ def test_a_motion_farther_off_than_a_puppet_that_hangs_still_is_no_start(
     monkeypatch.setattr(motors, "_release", released)
     monkeypatch.setattr(motors, "_within", lambda _, found, *_rest: found)
     said: list[str] = []
-    first = motors.search(wanted, said.append, keep=lambda *_: None)
+    *first, _ = motors.search(wanted, said.append, effort=Effort(), scale=1.0, keep=lambda *_: None)
     for found, expected in zip(first, wanted.hung() if far else (x, u), strict=True):
         np.testing.assert_array_equal(found, expected)
     assert any("hangs still" in line for line in said) == (far > 0.0)
@@ -363,7 +358,15 @@ def test_a_search_that_finds_nothing_begins_with_a_pose_at_rest_where_the_puppet
     falls = wanted.x_reference[:3], wanted.u_reference[:2]
     with_motors = SimpleNamespace(x=wanted.x_reference, u=np.zeros((wanted.system.N, wanted.by_motors.nu)))
     monkeypatch.setattr(plan.TrackingPlan, "clipped", lambda *_: falls)
-    x, u = motors.search(wanted, lambda _: None, stage=motors.SEARCH_STAGES, result=with_motors, keep=lambda *_: None)  # type: ignore[arg-type]
+    x, u, _ = motors.search(
+        wanted,
+        lambda _: None,
+        stage=motors.SEARCH_STAGES,
+        result=with_motors,  # type: ignore[arg-type]
+        effort=Effort(),
+        scale=1.0,
+        keep=lambda *_: None,
+    )
     assert (x.shape, u.shape) == (wanted.x_reference.shape, wanted.u_reference.shape)
     assert np.ptp(x, axis=0).max() == 0.0
 
@@ -375,17 +378,14 @@ def test_tensions_that_no_pose_has_are_said_to_be_too_large() -> None:
 
 
 @pytest.mark.parametrize("how", ["stuck", "creeps", "is seen to creep"])
-def test_where_a_search_is_stuck_or_creeps_another_begins_elsewhere(
-    how: str,
-    monkeypatch: pytest.MonkeyPatch,
+def test_where_a_search_is_stuck_or_creeps_the_motion_grows_from_a_smaller_one(
+    how: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With a motion that grew, or a puppet that hangs still where that is stuck too, or creeps on."""
-    optimize = tracker.optimize
-    begun: list[Any] = []
+    optimize, begun = tracker.optimize, list[Any]()
 
     def stuck_at_first(*problem: Any, **options: Any) -> OptimizationResult:
         begun.append(options["initial"])
-        if len(begun) > 2 or how == "is seen to creep":
+        if len(begun) > (2 if how == "stuck" else 1) or how == "is seen to creep":
             return optimize(*problem, **options)
         found = optimize(*problem, **options | {"max_iterations": 0})
         return replace(found, status=Status.LINE_SEARCH_FAILED if how == "stuck" else Status.ITERATION_LIMIT)
@@ -393,40 +393,48 @@ def test_where_a_search_is_stuck_or_creeps_another_begins_elsewhere(
     monkeypatch.setattr(tracker, "optimize", stuck_at_first)
     if how == "is seen to creep":
         monkeypatch.setattr(tracker.Pace, "creeps", lambda *_: len(begun) == 1)
-    wanted = plan.TrackingPlan(TrackingProblem(PUPPET, leap(), FORCED, 0), FORCED, PuppetLimits())
-    at_rest = wanted.hung()
-    monkeypatch.setattr(beginning, "grown", lambda *_: at_rest)
     said: list[str] = []
-    run = track(PUPPET, leap(), planned=True, progress=said.append, max_iterations=60)
-    np.testing.assert_array_equal(begun[2][0] if how == "stuck" else begun[1][0], at_rest[0])
+    run = track(PUPPET, leap(0.3), planned=True, progress=said.append, max_iterations=60)
     assert any("larger parts" in each for each in said)
-    assert any("hangs still" in each for each in said) is (how == "creeps")
+    assert [line[:5] for line in said if " of the motion" in line] == ["20 % ", "40 % ", "60 % ", "80 % ", "100 %"]
     assert run.result.success
+    assert run.kinds == frozenset(limits.KINDS)
+    assert run.tension.min() >= 0.5 - 1e-6
 
 
-def test_what_is_stuck_and_nearest_is_begun_once_more_with_other_prices(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing else leads anywhere, and neither does going on: from where it is, as if it were new, it converges."""
-    optimize = tracker.optimize
-    begun: list[tuple[Any, Any]] = []
+@pytest.mark.parametrize("goes_on", [True, False])
+def test_what_was_left_behind_and_is_nearer_is_gone_on_with(goes_on: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a motion that grew is dearer, or none is found."""
+    optimize, begun = tracker.optimize, list[tuple[Any, Any]]()
 
-    def stuck_until_new(*problem: Any, **options: Any) -> OptimizationResult:
+    def creeping(*problem: Any, **options: Any) -> OptimizationResult:
         begun.append((options["initial"], options["resume"]))
-        if len(begun) == 2:
+        if len(begun) in (2, 3) and not goes_on:
             raise ProjectionError("nowhere")
-        if len(begun) > 3:
-            return optimize(*problem, **options)
-        found = optimize(*problem, **options | {"max_iterations": 1 if len(begun) == 1 else 2})
-        return replace(found, status=(Status.ITERATION_LIMIT, Status.LINE_SEARCH_FAILED)[len(begun) > 1])
+        if len(begun) == 1:
+            return replace(optimize(*problem, **options | {"max_iterations": 1}), status=Status.ITERATION_LIMIT)
+        found = optimize(*problem, **options)
+        return replace(found, cost=10.0 * found.cost) if len(begun) == 2 else found
 
-    monkeypatch.setattr(tracker, "optimize", stuck_until_new)
-    wanted = plan.TrackingPlan(TrackingProblem(PUPPET, leap(), FORCED, 0), FORCED, PuppetLimits())
-    monkeypatch.setattr(beginning, "grown", lambda *_: wanted.hung())
-    run = track(PUPPET, leap(), planned=True, max_iterations=60)
-    assert len(begun) >= 4
-    assert begun[2][1] is not None  # gone on with what was left behind
-    assert begun[3][1] is None
-    assert begun[3][0] is not None
-    assert run.result.success
+    monkeypatch.setattr(tracker, "optimize", creeping)
+    wanted = plan.TrackingPlan(TrackingProblem(PUPPET, leap(0.3), FORCED, 0), FORCED, PuppetLimits())
+    still = SimpleNamespace(initial=wanted.hung(), stages=(), iterations=0, cost=1.0)
+    monkeypatch.setattr(tracker, "grown", lambda *_: still)
+    run = track(PUPPET, leap(0.3), planned=True, max_iterations=60)
+    assert run.result.success == goes_on
+    if goes_on:
+        assert begun[2][1] is not None
+    else:
+        assert run.result.status is Status.ITERATION_LIMIT
+    assert run.tension.min() >= 0.0
+
+
+def test_a_smaller_motion_goes_a_part_of_the_way() -> None:
+    motion = leap(0.3)
+    wanted = plan.TrackingPlan(TrackingProblem(PUPPET, motion, FORCED, 0), FORCED, PuppetLimits())
+    half = growing.smaller(wanted, motion, 0.5)
+    np.testing.assert_allclose(half.problem.body[0], motion.q[0])
+    np.testing.assert_allclose(half.problem.body - motion.q[0], 0.5 * (motion.q - motion.q[0]), atol=1e-15)
 
 
 def creeping_from(
@@ -441,6 +449,7 @@ def creeping_from(
     for k in range(121):
         barrier = SimpleNamespace(limits=SimpleNamespace(mu=mu(k)))
         record = SimpleNamespace(
+            iteration=k,
             cost=100.0 * (1.0 - fall) ** k,
             expected_decrease=share ** max(k - begin, 0) * 0.5 ** min(k, begin),
             snapshot=lambda barrier=barrier: barrier,
@@ -462,8 +471,9 @@ def test_a_search_that_only_leads_to_the_next_ends_where_its_cost_hardly_changes
     def ended(fall: float) -> int | None:
         its = pace.Pace(hardly=0.002)
         for k in range(59):
-            record = SimpleNamespace(cost=100.0 * (1.0 - (fall if k > 12 else 0.1)) ** k, expected_decrease=1.0)
-            record.snapshot = lambda: SimpleNamespace(limits=None)
+            cost = 100.0 * (1.0 - (fall if k > 12 else 0.1)) ** k
+            now = SimpleNamespace(limits=None)
+            record = SimpleNamespace(iteration=k, cost=cost, expected_decrease=1.0, snapshot=lambda now=now: now)
             if its.creeps(record):  # type: ignore[arg-type]
                 return k
         return None
@@ -476,10 +486,9 @@ def test_a_search_is_there_where_it_expects_little_at_the_last_barrier() -> None
     def there(expected: list[float], mu: float = 1.0) -> bool:
         its = pace.Pace()
         limits = SimpleNamespace(mu=mu, barrier=SimpleNamespace(last_mu=1.0))
-        for value in expected:
-            record = SimpleNamespace(
-                cost=100.0, expected_decrease=value, snapshot=lambda: SimpleNamespace(limits=limits)
-            )
+        for k, value in enumerate(expected):
+            now = SimpleNamespace(limits=limits)
+            record = SimpleNamespace(iteration=k, cost=100.0, expected_decrease=value, snapshot=lambda now=now: now)
             its.creeps(record)  # type: ignore[arg-type]
         return its.is_there(record, 1e-2)  # type: ignore[arg-type]
 
@@ -523,7 +532,7 @@ def test_limits_that_help_leads_beyond_are_stated_when_it_is_taken_away(monkeypa
     limits = PuppetLimits(speed=0.8)
     problem = TrackingProblem(PUPPET, leap(), FORCED, 0)
     wanted = plan.TrackingPlan(problem, FORCED, limits)
-    x, _ = motors.search(wanted, lambda _: None, keep=lambda *_: None)
+    x, *_ = motors.search(wanted, lambda _: None, effort=Effort(), scale=1.0, keep=lambda *_: None)
     released = [speed for inputs, speed in stated if inputs == len(STRINGS)]
     assert released == [True]
     assert not any(speed for inputs, speed in stated if inputs > len(STRINGS))
@@ -547,22 +556,17 @@ def test_nine_strings_hold_the_shins(tmp_path: Path) -> None:
         PuppetLimits(joints={"lknee_rx": (0.0, -1.0)})
 
 
-def test_a_plan_that_cannot_be_followed_is_searched_with_its_own_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where the motion found with longer steps is no start for these."""
-
-    def wild(
-        self: plan.TrackingPlan, coarse: plan.TrackingPlan, x: np.ndarray, u: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        monkeypatch.setattr(plan.TrackingPlan, "finer", whole)
+def test_where_a_motion_with_longer_steps_is_no_start_it_begins_with_a_puppet_that_hangs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def wild(self: plan.TrackingPlan, *_: Any) -> tuple[np.ndarray, np.ndarray]:
         return 1e3 * self.x_reference, 1e3 * self.u_reference
 
-    whole = plan.TrackingPlan.finer
-
-    monkeypatch.setattr("leastaction_marionette.tracking.tying._FEW", 10)
+    monkeypatch.setattr("leastaction_marionette.tracking.tracker._FEW", 10)
     monkeypatch.setattr(plan.TrackingPlan, "finer", wild)
     said: list[str] = []
     run = track(PUPPET, leap(0.3), max_iterations=20, progress=said.append)
-    assert "the search begins again with these" in " ".join(said)
+    assert any("begins with a puppet that hangs still" in line for line in said)
     assert run.tension.min() >= 0.0
 
 
@@ -637,34 +641,6 @@ def test_rods_that_go_another_way_do_not_push(monkeypatch: pytest.MonkeyPatch) -
     np.testing.assert_allclose(made.x, run.result.x, atol=1e-7)
 
 
-def test_a_motion_that_grows_keeps_to_all_limits() -> None:
-    limits = PuppetLimits(speed=2.0)
-    motion = leap(0.3)
-    wanted = plan.TrackingPlan(TrackingProblem(PUPPET, motion, FORCED, 0), FORCED, limits)
-    half = growing.smaller(wanted, motion, 0.5)
-    np.testing.assert_allclose(half.problem.body[0], motion.q[0])
-    np.testing.assert_allclose(half.problem.body - motion.q[0], 0.5 * (motion.q - motion.q[0]), atol=1e-15)
-    slow = motion.resample(0.02)
-    coarse = plan.TrackingPlan(TrackingProblem(PUPPET, slow, FORCED, 0), FORCED, limits)
-    said: list[str] = []
-    counted: list[float] = []
-    for longer in (wanted, coarse):
-        x, u = growing.grown(
-            wanted,
-            longer,
-            motion if longer is wanted else slow,
-            said.append,
-            lambda _, scale: counted.append(scale),
-        )
-        assert len(u) == wanted.system.N
-        # As nearly as its tolerance has them met.
-        nearly = PuppetLimits(speed=2.02, reach=2.02, acceleration=151.5)
-        assert nearly.broken(wanted.mechanism, wanted.t, wanted.problem.pelvis, x) == frozenset()
-        assert u[:, : len(STRINGS)].min() >= 0.5 * (1.0 - 1e-6)
-    assert counted == [1.0] * 5 + [2.0] * 5 + [1.0]
-    assert [line[:5] for line in said[:5]] == ["20 % ", "40 % ", "60 % ", "80 % ", "100 %"]
-
-
 @pytest.mark.parametrize("iterations", [0, 1])
 def test_no_string_pushes_where_a_hanging_run_is_cut_short(iterations: int, tmp_path: Path) -> None:
     """Its strings push until their tensions are limited, which it does not live to see."""
@@ -702,40 +678,7 @@ def test_a_wrong_option_is_no_wild_motion() -> None:
     said: list[str] = []
     with pytest.raises(ArgumentError, match="max_iterations"):
         track(PUPPET, leap(0.1), planned=True, max_iterations=-1, progress=said.append)
-    assert "the search begins again" not in " ".join(said)
-
-
-def test_a_second_search_is_kept_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where the plan's own steps are taken, Ctrl-C keeps what they came to, and it is gone on with."""
-    monkeypatch.setattr(motors, "PRICES", (1e-2, 1.0))
-    monkeypatch.setattr(motors, "SEARCH_STAGES", 3)
-    monkeypatch.setattr(files, "PRICES", (1e-2, 1.0))
-    monkeypatch.setattr(motors, "_ITERATIONS", 2)
-    monkeypatch.setattr("leastaction_marionette.tracking.tying._FEW", 10)
-
-    def wild(
-        self: plan.TrackingPlan, coarse: plan.TrackingPlan, x: np.ndarray, u: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        monkeypatch.setattr(plan.TrackingPlan, "finer", whole)
-        return 1e3 * self.x_reference, 1e3 * self.u_reference
-
-    whole = plan.TrackingPlan.finer
-    monkeypatch.setattr(plan.TrackingPlan, "finer", wild)
-    kept: list[TrackingSearch] = []
-
-    def checkpoint(found: TrackingRun | TrackingSearch) -> None:
-        assert isinstance(found, TrackingSearch)
-        kept.append(found)
-        if len(found.result.u) == 30:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        track(PUPPET, leap(0.3), checkpoint=checkpoint, checkpoint_seconds=0.0)
-    assert {len(search.result.u) for search in kept} == {15, 30}
-    search = load_unfinished(save_search(tmp_path / "search.npz", kept[-1]))
-    assert isinstance(search, TrackingSearch)
-    run = track(PUPPET, search.motion, resume=search, max_iterations=2)
-    assert run.tension.min() >= 0.0
+    assert "hangs still" not in " ".join(said)
 
 
 def test_the_kinds_of_limits_are_kept(tmp_path: Path) -> None:

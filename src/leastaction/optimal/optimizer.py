@@ -275,7 +275,7 @@ class Optimizer:
         cost.check_shapes(system.N, system.nx, system.nu)
         check_space(cost, system)
         self.cost = cost
-        if self._extension is None and isinstance(self._problem, DiscreteProblem):
+        if self._extension is None and self._remembered is None and isinstance(self._problem, DiscreteProblem):
             self._problem.parts.replace_cost(cost)
         else:
             self._problem = self._discrete()

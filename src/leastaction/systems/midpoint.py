@@ -283,11 +283,12 @@ class MidpointSystem(DiscreteSystem):
         vi, m = self.integrator, self.mechanism
         if FINAL_TIME in names or type(self).f is not MidpointSystem.f or self.space is not None:
             return None
-        slots = m.slots_of_elements(names)
+        each, sums = m.members_of(names)
+        slots = m.slots_of_elements(each)
         if slots is None:
             return None
         directions = np.zeros((len(names), len(m.core.numbers)))
-        directions[np.arange(len(names)), slots] = 1.0
+        directions[:, slots] = sums.T
         t = self.t[start : start + len(x)]
         found = vi.core.curvature_by_numbers(
             t, self._bare(x), u, z, directions, threads=vi.threads, first_share=self._share(start)

@@ -42,19 +42,21 @@ class Effort:
     iterations: int = 0
     first_cost: float = np.nan
 
-    def plus(self, found: OptimizationResult, *, before: int = 0, scale: float | None = 1.0) -> Effort:
+    def plus(
+        self, found: OptimizationResult, *, before: OptimizationResult | None = None, scale: float | None = 1.0
+    ) -> Effort:
         """Return the effort with an optimisation more.
 
-        ``before``: iterations that its result had from an earlier one. ``scale``: by which costs of its problem are
-        those of the last one; None where motors help.
+        ``before``: the earlier result that it goes on from, if it does; then it is no other one. ``scale``: by which
+        costs of its problem are those of the last one; None where motors help.
         """
         first = self.first_cost
         if np.isnan(first) and scale is not None and len(found.history.cost):
             first = scale * float(found.history.cost[0])
         return replace(
             self,
-            optimisations=self.optimisations + (before == 0),
-            iterations=self.iterations + found.iterations - before,
+            optimisations=self.optimisations + (before is None),
+            iterations=self.iterations + found.iterations - (0 if before is None else before.iterations),
             first_cost=first,
         )
 

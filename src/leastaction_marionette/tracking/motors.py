@@ -18,6 +18,7 @@ from leastaction.errors import ProjectionError
 from leastaction.io import Motion
 from leastaction.numerics import Array, smooth_rise
 from leastaction.optimal import IterationRecord, OptimizationResult, Status
+from leastaction_marionette.tracking.found import Effort
 from leastaction_marionette.tracking.limits import FIRST_KINDS
 from leastaction_marionette.tracking.plan import TrackingPlan
 from leastaction_marionette.tracking.poses import at_rest, hanging
@@ -38,8 +39,7 @@ _INSIDE = 0.1  # of the mean tension at rest, by which tensions are above their 
 # motion which is hardly improved with shorter steps of time.
 _ROUGHLY, _WITHOUT_MOTORS = 0.1, 0.02
 
-Keep = Callable[[int, OptimizationResult, bool], None]
-Count = Callable[[OptimizationResult, bool], None]
+Keep = Callable[[int, OptimizationResult, Effort, bool], None]
 
 
 def search(
@@ -48,15 +48,16 @@ def search(
     *,
     stage: int = 0,
     result: OptimizationResult | None = None,
+    effort: Effort,
+    scale: float,
     keep: Keep,
-    count: Count = lambda _found, _motors: None,
-) -> tuple[Array, Array]:
-    """Return a first trajectory found with motors on all joints that become ever more expensive.
+) -> tuple[Array, Array, Effort]:
+    """Return a first trajectory found with motors on all joints that become ever more expensive, and the effort.
 
-    ``say``: told what each stage came to. ``stage``, ``result``: the stage to begin with, and what the one before
-    it found. ``keep``: told of both after every stage, and where Ctrl-C ends one, which is the third argument.
-    ``count``: told of every optimisation, and whether motors helped in it. Raises `ArgumentError` where nothing was
-    found and strings hold the puppet nowhere.
+    ``say``: told what each stage came to. ``stage``, ``result``, ``effort``: the stage to begin with, what the one
+    before it found, and what was spent until then. ``scale``: as of `Effort.plus`. ``keep``: told of these three after
+    every stage, and where Ctrl-C ends one, which is the fourth argument. Raises `ArgumentError` where nothing was found
+    and strings hold the puppet nowhere.
     """
     m, strings = plan.mechanism, len(plan.strings)
     motors = range(strings, strings + m.nd)
@@ -66,7 +67,7 @@ def search(
         if found.status is Status.INTERRUPTED:
             # Ctrl-C, which a single optimisation only ends early, ends them all.
             if result is not None:
-                keep(number, result, True)
+                keep(number, result, effort, True)
             raise KeyboardInterrupt
         return found
 
@@ -75,12 +76,12 @@ def search(
             stated = plan.broken(result.x)
             found = ended(_release(plan, result, motors, stated), number)
             if found.status is not Status.STOPPED_BY_CALLBACK:
-                count(found, False)
+                effort = effort.plus(found, scale=scale)
                 say(f"without motors: cost {found.cost:.4g}")
                 within = ended(_within(plan, found, stated), number)
                 if within is not found:
-                    count(within, False)
-                return _unless_still(plan, within.x, within.u, say)
+                    effort = effort.plus(within, scale=scale)
+                return *_unless_still(plan, within.x, within.u, say), effort
         if number == len(PRICES):
             break
         price = PRICES[number]
@@ -88,10 +89,10 @@ def search(
         solve = partial(optimize, plan.by_motors, plan.cost(motor=price), max_iterations=_ITERATIONS, **options)
         found = _begun(plan, solve) if result is None else solve(initial=(result.x, result.u))
         result = ended(found, number)
-        count(result, True)
-        keep(number + 1, result, False)
-        effort = float(np.max(np.sqrt(np.mean(result.u[:, motors] ** 2, axis=0))))
-        say(f"motors at price {price:g}: the strongest gives {effort:.2g} N or N m (rms)")
+        effort = effort.plus(result, scale=None)
+        keep(number + 1, result, effort, False)
+        most = float(np.max(np.sqrt(np.mean(result.u[:, motors] ** 2, axis=0))))
+        say(f"motors at price {price:g}: the strongest gives {most:.2g} N or N m (rms)")
     assert result is not None
     # Motors that do next to nothing are still missed: what the strings do by themselves is where the rest begins.
     x, u = result.x, np.delete(result.u, motors, axis=1)
@@ -99,8 +100,8 @@ def search(
     for gains in plan.regulators(x, u):
         xs, us = plan.clipped(x, u, gains)
         if len(us) == plan.system.N:
-            return _unless_still(plan, xs, us, say)
-    return hanging(plan)
+            return *_unless_still(plan, xs, us, say), effort
+    return *hanging(plan), effort
 
 
 def _unless_still(plan: TrackingPlan, x: Array, u: Array, say: Callable[[str], object]) -> tuple[Array, Array]:

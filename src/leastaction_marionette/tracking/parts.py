@@ -5,7 +5,7 @@ parts of it are followed one by one, each as if it were the motion, and overlap.
 but for some tenths of a second near the end of the one and the start of the other: what is a second ahead, or ago,
 hardly matters. In the middle of that one passes over into the other. What is joined is no trajectory by little. Limbs
 that swing freely, as most do on few strings, remember what was longer ago than that: what follows the curve by feedback
-is thrown off it. So gaps stay between its steps until the optimiser has nearly closed them (`gaps.py`), and a few
+is thrown off it. So gaps stay between its steps until the optimiser has closed them (multiple shooting), and a few
 iterations over all of the motion lead to the minimum.
 """
 
@@ -23,8 +23,10 @@ from leastaction.io import Motion
 from leastaction.numerics import Array, smooth_rise
 from leastaction.optimal import OptimizationResult
 from leastaction_marionette.tracking.checkpoints import Checkpoints
-from leastaction_marionette.tracking.found import CUT_SHORT, FollowedParts, TrackingSearch
+from leastaction_marionette.tracking.found import CUT_SHORT, Effort, FollowedParts, TrackingSearch
+from leastaction_marionette.tracking.problem import TrackingProblem
 from leastaction_marionette.tracking.tracker import Curve, Tracker
+from leastaction_marionette.tracking.weights import GENTLE
 
 LONG: Final = 30.0
 """Seconds from which on a motion is followed part by part."""
@@ -32,6 +34,8 @@ LONG: Final = 30.0
 _PART: Final = 15.0  # s, about the length of a part
 _OVERLAP: Final = 3.0  # s, for which two are the same; in the middle third one passes over into the other
 _ITERATIONS: Final = 150  # of the last optimisation of a part
+
+Follow = Callable[[Tracker], tuple[Tracker, OptimizationResult]]
 
 
 def parts_of(t: Array) -> list[tuple[int, int]]:
@@ -45,40 +49,40 @@ def parts_of(t: Array) -> list[tuple[int, int]]:
     return [(start, after + overlap) for start, after in pairwise(starts)]
 
 
-def found_in_parts(
-    tracker: Tracker, follow: Callable[[Tracker], OptimizationResult], begun: TrackingSearch | None
-) -> Curve | None:
-    """Return a curve that is nearly a trajectory of the tracker's plan; None where its motion is followed as a whole.
+def found_in_parts(tracker: Tracker, follow: Follow, begun: TrackingSearch | None) -> tuple[Tracker, Curve | None]:
+    """Return a tracker, and a curve that is nearly a trajectory of its plan; None where it is followed as a whole.
 
-    So it is if it is short, or where a part leads nowhere. ``follow``: finds what a tracker of a part is after.
+    So it is if the motion is short, or where a part leads nowhere. ``follow``: finds what a tracker of a part is after.
     ``begun``: a search that was cut short after some parts. Raises `KeyboardInterrupt` where Ctrl-C ends one.
     """
     parts = parts_of(tracker.motion.t)
     if len(parts) < 2:
-        return None
+        return tracker, None
     found = None if begun is None or begun.parts is None else (begun.parts.x, begun.parts.u)
     for number, (start, stop) in enumerate(parts, start=1):
         if found is not None and len(found[1]) >= stop:
             continue
         first, last = (float(tracker.motion.t[k]) for k in (start, stop))
         tracker.say(f"part {number} of {len(parts)}, from {first:.4g} to {last:.4g} s:")
-        part = _tracker_of(tracker, start, stop)
         try:
-            result = follow(part)
+            part, result = follow(_tracker_of(tracker, start, stop))
         except (ArgumentError, ProjectionError) as error:
             tracker.say(f"it cannot be followed by itself: {error}")
-            return None
+            return tracker, None
         if result.status in CUT_SHORT:
             raise KeyboardInterrupt
-        tracker.effort = replace(
-            tracker.effort,
-            optimisations=tracker.effort.optimisations + part.effort.optimisations,
-            iterations=tracker.effort.iterations + part.effort.iterations,
+        tracker = replace(
+            tracker,
+            effort=replace(
+                tracker.effort,
+                optimisations=tracker.effort.optimisations + part.effort.optimisations,
+                iterations=tracker.effort.iterations + part.effort.iterations,
+            ),
+            kinds=tracker.kinds | part.kinds,
         )
-        tracker.kinds |= part.kinds
         found = (result.x, result.u) if found is None else joined(found, (result.x, result.u), start)
         _keep(tracker, result, found)
-    return found
+    return tracker, found
 
 
 def joined(before: Curve, after: Curve, start: int) -> Curve:
@@ -96,20 +100,18 @@ def joined(before: Curve, after: Curve, start: int) -> Curve:
 
 
 def _tracker_of(whole: Tracker, start: int, stop: int) -> Tracker:
-    """Return one that follows a part of a motion; it tells what it does, and keeps nothing."""
-    return Tracker(
-        mechanism=whole.mechanism,
-        motion=_part_of(whole.motion, start, stop),
-        weights=whole.weights,
-        limits=whole.limits,
-        follow=whole.follow,
-        method=whole.method,
-        tolerance=whole.tolerance,
+    """Return one that follows a part of a motion from its beginning; it tells what it does, and keeps nothing."""
+    motion = _part_of(whole.motion, start, stop)
+    return replace(
+        whole,
+        motion=motion,
+        problem=TrackingProblem(whole.mechanism, motion, whole.weights or GENTLE, whole.threads, whole.follow),
         callback=None,
-        say=whole.say,
         kept=Checkpoints(None, np.inf),
-        threads=whole.threads,
         left=_ITERATIONS,
+        plan=None,
+        effort=Effort(),
+        kinds=frozenset(),
     )
 
 

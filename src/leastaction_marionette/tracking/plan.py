@@ -9,6 +9,7 @@ that of the puppet on strings of prescribed lengths, and `Plan.by_lengths` says 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -86,6 +87,13 @@ class TrackingPlan:
         m = self.mechanism
         helped = m.with_elements([JointForce(name, f"motor of {name}") for name in m.dynamic])
         return PulledSystem(MidpointVI(helped, threads=self.problem.threads), self.t, at_instants=m.inputs)
+
+    def tied(self, weight: float, *, firm: bool) -> TrackingPlan:
+        """Return the plan with strings on bars tied with another weight; see `Ties.tied`."""
+        assert self.ties is not None
+        other = copy(self)
+        other.ties = self.ties.tied(weight, firm=firm)
+        return other
 
     @property
     def varies(self) -> bool:

@@ -25,15 +25,16 @@ from leastaction.mechanics import Mechanism
 from leastaction.optimal import Callback, Method, OptimizationResult, Status
 from leastaction_marionette.choices import Follow
 from leastaction_marionette.tracking import tying
-from leastaction_marionette.tracking.beginning import begin
+from leastaction_marionette.tracking.beginning import begun
 from leastaction_marionette.tracking.by_lengths import by_tensions
 from leastaction_marionette.tracking.checkpoints import Checkpoints
 from leastaction_marionette.tracking.found import TrackingRun, TrackingSearch
 from leastaction_marionette.tracking.limits import PuppetLimits
+from leastaction_marionette.tracking.problem import TrackingProblem, below_strings
 from leastaction_marionette.tracking.settle import NotTiedError
 from leastaction_marionette.tracking.ties import FIRM
 from leastaction_marionette.tracking.tracker import Tracker
-from leastaction_marionette.tracking.weights import TrackingWeights
+from leastaction_marionette.tracking.weights import GENTLE, TrackingWeights
 
 _NONE_NEAR: Final = "strings on bars: no motion in which all of them pull is near to what was found"
 
@@ -103,52 +104,62 @@ def track(
     ArgumentError
         If the motion does not name the variables, is too short, or no first trajectory is found.
     """
+    say, follow = progress or (lambda _: None), follow if resume is None else resume.follow
+    motion, lowered = below_strings(mechanism, motion)
+    if lowered > 0.0:
+        say(f"the motion rises above the plane of the strings: lowered there, by up to {lowered:.2g} m")
     tracker = Tracker(
         mechanism=mechanism,
         motion=motion,
+        problem=TrackingProblem(mechanism, motion, weights or GENTLE, threads, follow),
         weights=weights,
         limits=limits or PuppetLimits(),
-        follow=follow if resume is None else resume.follow,
+        follow=follow,
         method=method,
         tolerance=tolerance,
         callback=callback,
-        say=progress or (lambda _: None),
+        say=say,
         kept=Checkpoints(checkpoint, checkpoint_seconds),
         threads=threads,
         left=max_iterations,
     )
-    begin(tracker, resume, planned=planned)
+    tracker, search = begun(tracker, resume, planned=planned)
     earlier = resume.plan if isinstance(resume, TrackingRun) else None
-    run = _ended(tracker, tying.tied(tracker, earlier=earlier))
+    tracker, result = tying.tied(tracker, search, earlier=earlier)
+    tracker, run = _ended(tracker, result)
     if not _must_be_planned(tracker, run):
         return _with_strings_that_pull(tracker, run)
-    _begin_plan(tracker, run, max_iterations)
-    return _ended(tracker, tying.tied(tracker))
+    creeps = _creeps(tracker, run)
+    why = "a hanging puppet finds no way" if creeps else "hanging strings end up pushing"
+    tracker.say(f"{why}: the motion is planned by tensions")
+    # With what is left of the iterations where it crept.
+    again = replace(tracker, left=tracker.left if creeps else max_iterations, earlier=None, kinds=frozenset())
+    return _ended(*tying.tied(*begun(again, None, planned=True)))[1]
 
 
-def _ended(tracker: Tracker, result: OptimizationResult) -> TrackingRun:
+def _ended(tracker: Tracker, result: OptimizationResult) -> tuple[Tracker, TrackingRun]:
     """Return the run that a result is; of a plan, with strings that pull wherever it ended."""
     if tracker.plan is not None:
-        if tracker.plan.ties is not None and tracker.plan.varies and tracker.plan.ties.weight < FIRM[0]:
-            tying.tie(tracker, result)
+        if tracker.ties is not None and tracker.varies and tracker.ties.weight < FIRM[0]:
+            tracker = tying.with_lengths_of(tracker, result)
+        assert tracker.plan is not None
         result = tracker.plan.pulling(result)
     try:
         run = tracker.run_of(result)
-        on_bars = tracker.plan is not None and tracker.plan.ties is not None
-        return tying.or_still(tracker, run) if on_bars and not result.success else run
+        return tracker, tying.or_still(tracker, run) if tracker.ties is not None and not result.success else run
     except NotTiedError as error:
         if result.status is Status.INTERRUPTED:  # what is kept is worth more than a puppet held still
             raise KeyboardInterrupt from error
         if not tracker.began_still and tracker.left > 0:
             tracker.say(f"{_NONE_NEAR}: it begins with a puppet that is held still")
-            again = tying.from_still(tracker, result, tracker.left)
+            tracker, again = tying.from_still(tracker, result, tracker.left)
             if again is not None:
                 return _ended(tracker, again)
-        assert tracker.plan is not None
         tracker.say(f"{error}: it is held still")
-        return tracker.run_of(tying.holds_still(tracker, result))
+        tracker, still = tying.held(tracker, result)
+        return tracker, tracker.run_of(still)
     except KeyboardInterrupt:  # too late to stop anything, and no reason to lose what there is
-        return tracker.run_of(result)
+        return tracker, tracker.run_of(result)
 
 
 def _must_be_planned(tracker: Tracker, run: TrackingRun) -> bool:
@@ -171,18 +182,7 @@ def _with_strings_that_pull(tracker: Tracker, run: TrackingRun) -> TrackingRun:
     """Return a run, or a motion near it in which strings pull where it was cut short before they were told to."""
     if not _cut_short(tracker, run):
         return run
-    result = run.result
-    tracker.plan = plan = tracker.planned()
-    pulling = tracker.run_of(plan.pulling(by_tensions(plan, run.trajectory, run.tension, result)))
-    return replace(pulling, unfinished=result)
-
-
-def _begin_plan(tracker: Tracker, run: TrackingRun, max_iterations: int) -> None:
-    """Begin again with a plan by tensions, with what is left of the iterations where a hanging puppet crept."""
-    creeps = _creeps(tracker, run)
-    why = "a hanging puppet finds no way" if creeps else "hanging strings end up pushing"
-    tracker.say(f"{why}: the motion is planned by tensions")
-    tracker.left = tracker.left if creeps else max_iterations
-    tracker.earlier = None
-    tracker.kinds = frozenset()
-    begin(tracker, None, planned=True)
+    tracker = tracker.planned()
+    assert tracker.plan is not None
+    tensions = by_tensions(tracker.plan, run.trajectory, run.tension, run.result)
+    return replace(tracker.run_of(tracker.plan.pulling(tensions)), unfinished=run.result)

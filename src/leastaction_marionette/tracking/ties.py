@@ -11,6 +11,7 @@ one of the marionette on strings of fixed lengths.
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Final
 
 import numpy as np
@@ -49,6 +50,12 @@ class Ties:
         numbers = whole.parameters
         self.lengths = np.array([numbers[name] for name in self.names])
         self.weight, self.firm = LEAST_WEIGHT, False
+
+    def tied(self, weight: float, *, firm: bool) -> Ties:
+        """Return the same lengths with another weight; ``firm``: whether that is enough for strings to be settled."""
+        other = copy(self)
+        other.weight, other.firm = weight, firm
+        return other
 
     def priced(self, cost: Cost, system: MidpointSystem) -> Cost:
         """Return a cost of a system with that of the lengths as it stands."""

@@ -1,4 +1,4 @@
-"""What `track` has while it works on a motion, and how that is improved by one optimisation after the other."""
+"""How far `track` has come with a motion, and how that is improved by one optimisation after the other."""
 
 from __future__ import annotations
 
@@ -12,48 +12,50 @@ from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.io import Motion
 from leastaction.mechanics import Mechanism
 from leastaction.numerics import Array
-from leastaction.optimal import Callback, IterationRecord, Method, OptimizationResult, Status
+from leastaction.optimal import Callback, IterationRecord, Method, OptimizationResult, Shooting, Status
 from leastaction_marionette.choices import Follow
 from leastaction_marionette.tracking.by_lengths import by_lengths
 from leastaction_marionette.tracking.checkpoints import Checkpoints
 from leastaction_marionette.tracking.found import CUT_SHORT, STUCK, Effort, TrackingRun, TrackingSearch
-from leastaction_marionette.tracking.limits import PuppetLimits
+from leastaction_marionette.tracking.growing import grown
+from leastaction_marionette.tracking.limits import KINDS, PuppetLimits
 from leastaction_marionette.tracking.motors import SEARCH_STAGES
 from leastaction_marionette.tracking.pace import Pace
 from leastaction_marionette.tracking.plan import TrackingPlan
+from leastaction_marionette.tracking.poses import hanging
 from leastaction_marionette.tracking.problem import TrackingProblem
 from leastaction_marionette.tracking.stage import optimize
-from leastaction_marionette.tracking.ties import FIRM
+from leastaction_marionette.tracking.ties import FIRM, Ties
 from leastaction_marionette.tracking.weights import FORCED, TrackingWeights
-
-LOST: Final = 2.0
-"""Times the cost with longer steps may the motion cost that begins with these."""
 
 PATIENCE: Final = 100
 """Iterations of a puppet that began hanging; then its motion is planned by tensions."""
 
-GAPS: Final = "the motion found with longer steps cannot be followed: gaps between its steps are closed"
-AGAIN: Final = "they cannot be closed: the search begins again with these steps"
-
-_GAINED = 0.999  # times its cost is that of a motion with which it is worth to go on from where a search was stuck
+_LONGEST: Final = 0.021  # s, of the steps with which a captured motion can be searched
+_FEW: Final = 100  # steps, for which a search with longer ones is not worth it
+_GAINED = 0.999  # share of its cost with which it is worth to go on from where a search was stuck
 # Tolerances, if none is given: of a puppet that began hanging, of a plan, and where its strings are tied firmly. There
 # one optimisation leads to the next, and most is gained with the first, whose longer steps are cheap.
 _HANGING, _PLANNED, _TIED, _TIED_SLOWLY = 1e-6, 1e-2, 3e-3, 1e-3
 # Parts of the cost that ten iterations hardly change: where strings on bars are tied loosely, and firmly but not last.
 _HARDLY, _HARDLY_FIRM = 0.002, 0.005
-_PLAN_PATIENCE = 150  # iterations of a plan, that then begins elsewhere
+_LOST = 2.0  # share of the cost of a minimum that what was left behind costs where it is no better
+_PLAN_PATIENCE = 150  # iterations of a plan, which then grows from a smaller one
 _CREPT = "The search creeps, and was made from elsewhere: what was left behind is nearer. Go on with --resume."
-_THERE = "The expected decrease of the cost is below the tolerance; what limits are off by is settled on rods."
 _STOPPED = "Ctrl-C ended the search for another way: this is the best motion found before."
+_GROWING = "the motion found cannot be followed: ever larger parts of the wanted one are"
+_THERE = "The expected decrease of the cost is below the tolerance; what limits are off by is settled on rods."
+_STILL = "the motion found cannot be followed: it begins with a puppet that hangs still"
 
 Curve = tuple[Array, Array]
 
 
-@dataclass
+@dataclass(frozen=True, kw_only=True)
 class Tracker:
-    """A motion as it is followed so far, and what improves it. For one thread.
+    """How far a motion is followed. What goes on from it is another one.
 
-    The fields without a default are the arguments of `track`; ``left`` are the iterations that are left.
+    The fields down to ``left`` are the arguments of `track`, the mechanism with the lengths to which its strings on
+    bars are tied; ``left`` are the iterations that are left.
     """
 
     mechanism: Mechanism
@@ -69,254 +71,82 @@ class Tracker:
     threads: int
     left: int
 
+    problem: TrackingProblem
     # The motion with longer steps, while strings on bars are tied with these.
     slow: Motion | None = None
-    problem: TrackingProblem = field(init=False)
     plan: TrackingPlan | None = None
     effort: Effort = field(default_factory=Effort)
-    # Where the next optimisation begins: a curve or a result, or it goes on with an earlier one.
+    # Where the next optimisation begins: a curve or a result, whose steps may have gaps; or it goes on with an earlier.
     start: Curve | OptimizationResult | None = None
+    shooting: Shooting = "single"
     earlier: OptimizationResult | None = None
     kinds: frozenset[str] = frozenset()  # of limits that are stated
-    # How a first trajectory is sought, where it begins with a puppet that is held still and that leads nowhere.
-    search: Callable[[], None] | None = None
+    grows: bool = True  # whether a motion that grows is tried where this one is stuck or creeps, on no bars
     began_still: bool = False  # whether a puppet that is held still is where all this began
-    # Where else to begin, with what is said of it.
-    others: list[tuple[str, Callable[[], Curve]]] = field(default_factory=list)
-    most: float = np.inf  # that a motion may cost to begin with, or it is lost
-    lost: bool = False
-    pace: Pace = field(default_factory=Pace)  # of the optimisation under way
-    creeps: bool = False  # and so it is left behind
-    there: bool = False  # near enough to its minimum for what follows
     patience: int = PATIENCE
-
-    def problem_with(self, weights: TrackingWeights) -> TrackingProblem:
-        """Return the problem, with its own weights if it has none of the user's."""
-        return TrackingProblem(self.mechanism, self.stepped, self.weights or weights, self.threads, self.follow)
 
     @property
     def stepped(self) -> Motion:
         """The motion with the steps that it is followed with for the time being."""
         return self.motion if self.slow is None else self.slow
 
-    def planned(self) -> TrackingPlan:
-        """Return the plan by tensions of the problem with the weights of such motions."""
-        self.problem = self.problem_with(FORCED)
-        return TrackingPlan(self.problem, self.weights or FORCED, self.limits)
+    @property
+    def ties(self) -> Ties | None:
+        """The lengths of strings on bars, of a plan that has some."""
+        return None if self.plan is None else self.plan.ties
+
+    @property
+    def may_grow(self) -> bool:
+        """Whether there is another way where a plan is stuck or creeps."""
+        return self.grows and self.plan is not None and self.ties is None
+
+    @property
+    def varies(self) -> bool:
+        """Whether strings on bars still vary in length."""
+        return self.plan is not None and self.plan.varies
+
+    def planned(self) -> Tracker:
+        """Return one with the plan by tensions of the problem with the weights of such motions."""
+        weights = self.weights or FORCED
+        problem = TrackingProblem(self.mechanism, self.stepped, weights, self.threads, self.follow)
+        return replace(self, problem=problem, plan=TrackingPlan(problem, weights, self.limits))
+
+    def tied(self, weight: float, *, firm: bool = False) -> Tracker:
+        """Return one whose strings on bars are tied with a weight; ``firm``: and need not be tied more firmly."""
+        assert self.plan is not None
+        return replace(self, plan=self.plan.tied(weight, firm=firm))
 
     def broken(self, x: Array) -> frozenset[str]:
         """Return the kinds of limits that states break, besides that of the tensions."""
         mechanism = (self.problem if self.plan is None else self.plan).mechanism
         return self.limits.broken(mechanism, self.problem.t, self.problem.pelvis, x)
 
-    def improve(self) -> OptimizationResult:
-        """Optimise until nothing more is gained: from inside of limits, from elsewhere, with limits that it breaks."""
-        best = np.inf
-        stood: OptimizationResult | None = None
-        # Where a search was stuck, or crept, and the limits it kept to, while another is made from elsewhere.
-        left_behind: tuple[OptimizationResult, frozenset[str]] | None = None
-        while True:
-            try:
-                result = self._optimised()
-            except ProjectionError:
-                if stood is not None:
-                    result = stood
-                    break
-                if not self.others:
-                    raise
-                self.lost = True
-            if self.lost and self.others:
-                self.start, self.lost = self._elsewhere(), False
-                continue
-            stood, self.most = result, np.inf
-            self._count(result)
-            stuck = self.plan is not None and result.status in STUCK and self.left > 0
-            if self.plan is not None and stuck and result.cost < _GAINED * best:
-                # Walls of low barriers are close together: with higher ones, and inside of them, there is a way on.
-                best, self.earlier = result.cost, None
-                self.start = self.plan.inside(result.x, result.u, result.cost)
-                continue
-            # What is still to be tied need not be a minimum.
-            creeps = self.plan is not None and not self.plan.varies and result.status is Status.ITERATION_LIMIT
-            creeps = creeps and self.left > 0
-            if (stuck or creeps) and self.others:
-                if left_behind is None or result.cost < left_behind[0].cost:
-                    left_behind = result, self.kinds
-                # A search with these steps would lead to where it is stuck with them.
-                self.others = [other for other in self.others if other[0] not in (GAPS, AGAIN)]
-                try:
-                    best, self.start, self.earlier = np.inf, self._elsewhere(), None
-                except KeyboardInterrupt:
-                    result, self.kinds = left_behind
-                    return replace(result, status=Status.INTERRUPTED, message=_STOPPED)
-                except ArgumentError:
-                    break
-                continue
-            more = self._more_limits(result)
-            lost_patience = self.plan is None and self.patience < 1
-            if not more or self.left < 1 or lost_patience or result.status in CUT_SHORT:
-                break
-            self.say(f"it breaks limits of {', '.join(sorted(more))}: goes on with these stated")
-            self.kinds, self.start, self.earlier = self.kinds | more, result, None
-        return result if left_behind is None else self._better(result, *left_behind)
+    def spent(self, found: OptimizationResult) -> Tracker:
+        """Return one that has counted an optimisation."""
+        made = found.iterations - (0 if self.earlier is None else self.earlier.iterations)
+        effort = self.effort.plus(found, before=self.earlier, scale=len(self.motion.t) / len(self.stepped.t))
+        return replace(self, effort=effort, left=self.left - made, patience=self.patience - made, shooting="single")
 
-    def _better(
-        self, result: OptimizationResult, left_behind: OptimizationResult, kinds: frozenset[str]
-    ) -> OptimizationResult:
-        """Return a result, or what was left behind where that is nearer: much nearer, if the result is a minimum."""
-        if left_behind.cost > (1.0 / LOST if result.success else 1.0) * result.cost:
-            return result
-        self.kinds = kinds
-        if self.left < 1 or left_behind.status in STUCK or result.status in CUT_SHORT:
-            return left_behind
-        self.say("what was left behind is nearer: goes on with that")
-        self.start, self.earlier = None, left_behind
-        found = self._optimised()
-        self._count(found)
-        if found.status in STUCK and self.left > 0:
-            # Its prices and barriers may be what it is stuck with: once more from there with others.
-            self.start, self.earlier = (found.x, found.u), None
-            again = self._optimised()
-            self._count(again)
-            found = again if again.success else found
-        return found
-
-    def _elsewhere(self) -> Curve:
-        """Return the next of the other places to begin.
-
-        Raises `ArgumentError` where no limits allow any: the last is a puppet that hangs still.
-        """
-        while True:
-            said, find = self.others.pop(0)
-            self.say(said)
-            found = find()
-            assert self.plan is not None
-            if len(found[1]) == self.plan.system.N:
-                self.most = LOST * self.plan.cost().value(*found) if self.others else np.inf
-                return found
-
-    def _optimised(self) -> OptimizationResult:
-        """Return what one optimisation finds from where it stands, within the limits that are stated."""
-        plan, problem = self.plan, self.problem
-        system, cost = (plan.system, plan.cost()) if plan else (problem.system, problem.cost(problem.weights.tension))
-        self.pace, self.creeps, self.there = Pace(hardly=self._hardly), False, False
-        result = optimize(
-            system,
-            cost,
-            initial=self.start,
-            resume=self.earlier,
-            limits=self.limits.of(system.mechanism, problem.pelvis, self.kinds),
-            free_start=plan.free_start if plan else False,
-            shooting="single",
-            method=self.method,
-            max_iterations=min(self.left, self._patience),
-            tolerance=self._asked_for,
-            callback=self._watch,
-        )
-        if result.status is Status.INTERRUPTED and plan is not None and plan.varies:
-            # There may be no motion near it on strings that keep their lengths.
-            self.kept(lambda: self._as_search(result), at_once=True)
-        if self.there:
-            return replace(result, status=Status.CONVERGED, message=_THERE)
-        return replace(result, status=Status.ITERATION_LIMIT, message=_CREPT) if self.creeps else result
-
-    def _snapshot(self, record: IterationRecord) -> TrackingRun:
-        return self.run_of(record.snapshot(), counted=False)
-
-    @property
-    def _patience(self) -> int:
-        """Iterations after which another way is taken, where there is one."""
-        if self.plan is None:
-            return max(self.patience, 1)
-        return _PLAN_PATIENCE if self.others else self.left
-
-    @property
-    def _leads_on(self) -> bool:
-        """Whether there is something to go on with where an optimisation creeps."""
-        plan = self.plan
-        if plan is None or plan.ties is None:
-            return plan is not None and bool(self.others)
-        return bool(self.others) or plan.ties.weight < FIRM[-1]
-
-    @property
-    def _asked_for(self) -> float:
-        """The tolerance: the user's, or else that of what is planned, or of a puppet that began hanging."""
-        if self.tolerance is not None:
-            return self.tolerance
-        if self.plan is None:
-            return _HANGING
-        if self.plan.ties is None or self._passes:
-            return _PLANNED
-        return _TIED if self.slow is None else _TIED_SLOWLY
-
-    @property
-    def _hardly(self) -> float:
-        """The part of its cost by which an optimisation creeps that only leads to the next."""
-        if self.plan is None or self.plan.ties is None or self.plan.ties.weight >= FIRM[-1]:
-            return 0.0
-        return _HARDLY if self._passes else _HARDLY_FIRM
-
-    @property
-    def _passes(self) -> bool:
-        """Whether strings on bars are still tied so loosely that an optimisation only leads to the next."""
-        plan = self.plan
-        return plan is not None and plan.ties is not None and plan.ties.weight < FIRM[0]
-
-    def _watch(self, record: IterationRecord) -> object:
-        """Stop a motion that is lost; else keep the run now and then, and tell the user's callback."""
-        if record.iteration == 0 and record.cost > self.most:
-            self.lost = True
-            return True
-        varies = self.plan is not None and self.plan.varies
-        on_bars = self.plan is not None and self.plan.ties is not None
-        self.kept(lambda: self._as_search(record.snapshot()) if varies else self._snapshot(record))
-        if self.callback is not None and self.callback(record):
-            return True
-        creeps = self.pace.creeps(record)
-        # What limits are off by where strings on bars are tied is mended where these become rods.
-        self.there = on_bars and not self._passes and self.pace.is_there(record, self._asked_for)
-        self.creeps = self._leads_on and creeps and not self.there
-        return self.creeps or self.there
-
-    def _count(self, result: OptimizationResult) -> None:
-        before = 0 if self.earlier is None else self.earlier.iterations
-        self.effort = self.effort.plus(result, before=before, scale=len(self.motion.t) / len(self.stepped.t))
-        self.left -= result.iterations - before
-        self.patience -= result.iterations - before
-
-    def spend(self, found: OptimizationResult, scale: float | None) -> None:
-        """Count an optimisation of the search for a first trajectory; ``scale``: as of `Effort.plus`."""
-        self.effort = self.effort.plus(found, scale=scale)
-
-    def _as_search(self, found: OptimizationResult) -> TrackingSearch:
+    def as_search(self, found: OptimizationResult) -> TrackingSearch:
         """Return an iterate on which strings on bars still vary in length, as what is gone on with.
 
         Cheaper than a run is.
         """
-        assert self.plan is not None
-        assert self.plan.ties is not None
+        assert self.ties is not None
         return TrackingSearch(
             mechanism=self.mechanism,
             motion=self.motion,
             stage=SEARCH_STAGES,
             result=found,
             follow=self.follow,
-            effort=self.effort.plus(found, before=0 if self.earlier is None else self.earlier.iterations),
-            firmness=self.plan.ties.weight,
+            effort=self.effort.plus(found, before=self.earlier),
+            firmness=self.ties.weight,
             kinds=self.kinds,
         )
-
-    def _more_limits(self, result: OptimizationResult) -> frozenset[str]:
-        """Return the kinds of limits that a result breaks and that were not stated; the others need not be."""
-        more = self.broken(result.x) - self.kinds
-        if "tension" not in self.kinds and not self.limits.keep(self.run_of(result).tension):
-            more |= {"tension"}
-        return more
 
     def run_of(self, found: OptimizationResult, *, counted: bool = True) -> TrackingRun:
         """Return a result as a run; ``counted``: whether it is in the effort already."""
         result = found if self.plan is None else by_lengths(self.plan, found)
-        before = 0 if self.earlier is None else self.earlier.iterations
         return TrackingRun(
             mechanism=self.mechanism,
             source=self.motion.source,
@@ -329,5 +159,173 @@ class Tracker:
             limits=self.limits,
             follow=self.follow,
             markers=self.problem.markers,
-            effort=self.effort if counted else self.effort.plus(found, before=before),
+            effort=self.effort if counted else self.effort.plus(found, before=self.earlier),
         )
+
+
+def improved(tracker: Tracker) -> tuple[Tracker, OptimizationResult]:
+    """Optimise until nothing more is gained: from inside of limits where it is stuck, with limits that it breaks.
+
+    Raises `ProjectionError`: nothing can be followed from where it stands.
+    """
+    best, stood = np.inf, None
+    while True:
+        try:
+            result = _optimised(tracker)
+        except ProjectionError:
+            if stood is not None:
+                return tracker, stood
+            if tracker.plan is None or tracker.ties is not None:
+                raise
+            tracker.say(_STILL)
+            tracker = replace(tracker, start=hanging(tracker.plan), shooting="single")
+            result = _optimised(tracker)
+        tracker = tracker.spent(result)
+        if result.gap > 0.0:  # what is left of them is for feedback
+            tracker = replace(tracker, start=(result.x, result.u))
+            continue
+        stood = result
+        stuck = result.status in STUCK and tracker.left > 0
+        if tracker.plan is not None and stuck and result.cost < _GAINED * best:
+            # Walls of low barriers are close together: with higher ones, and inside of them, there is a way on.
+            best, start = result.cost, tracker.plan.inside(result.x, result.u, result.cost)
+            tracker = replace(tracker, earlier=None, start=start)
+            continue
+        creeps = tracker.plan is not None and tracker.ties is None and result.status is Status.ITERATION_LIMIT
+        if (stuck or (creeps and tracker.left > 0)) and tracker.may_grow:
+            return _better(tracker, result)
+        more = _more_limits(tracker, result)
+        lost_patience = tracker.plan is None and tracker.patience < 1
+        if not more or tracker.left < 1 or lost_patience or result.status in CUT_SHORT:
+            return tracker, result
+        tracker.say(f"it breaks limits of {', '.join(sorted(more))}: goes on with these stated")
+        tracker = replace(tracker, kinds=tracker.kinds | more, start=result, earlier=None)
+
+
+def _better(tracker: Tracker, result: OptimizationResult) -> tuple[Tracker, OptimizationResult]:
+    """Return what following ever larger parts of the motion leads to, or a result that is stuck or creeps.
+
+    The latter where it is nearer: much nearer, if the former is a minimum.
+    """
+    assert tracker.plan is not None
+    slow = slower(tracker.motion)
+    coarse = tracker.plan if slow is tracker.motion else tracker.plan.following(slow)
+    tracker.say(_GROWING)
+    try:
+        found = grown(coarse, slow, tracker.say)
+        start = found.initial
+        if coarse is not tracker.plan:
+            scale = tracker.plan.system.N / coarse.system.N
+            start = tracker.plan.inside(*tracker.plan.finer(coarse, *start), scale * found.cost)
+        effort = replace(
+            tracker.effort,
+            optimisations=tracker.effort.optimisations + len(found.stages),
+            iterations=tracker.effort.iterations + found.iterations,
+        )
+        begun = replace(tracker, start=start, earlier=None, kinds=frozenset(KINDS), effort=effort, grows=False)
+        other, other_result = improved(begun)
+    except (ArgumentError, ProjectionError):
+        return tracker, result
+    except KeyboardInterrupt:
+        return tracker, replace(result, status=Status.INTERRUPTED, message=_STOPPED)
+    if result.cost > (1.0 / _LOST if other_result.success else 1.0) * other_result.cost:
+        return other, other_result
+    tracker = replace(tracker, start=None, earlier=result, effort=other.effort, left=other.left, grows=False)
+    if tracker.left < 1 or result.status in STUCK or other_result.status in CUT_SHORT:
+        return replace(tracker, earlier=None), result
+    tracker.say("what was left behind is nearer: goes on with that")
+    return improved(tracker)
+
+
+def slower(motion: Motion) -> Motion:
+    """Return a motion with steps of twice the length; that given where it has few, or long ones."""
+    steps, dt = len(motion.t) - 1, float(motion.t[1] - motion.t[0])
+    if steps < _FEW or 2.0 * dt > _LONGEST:
+        return motion
+    return motion.resample(motion.duration / (steps // 2), duration=motion.duration)
+
+
+def _more_limits(tracker: Tracker, result: OptimizationResult) -> frozenset[str]:
+    """Return the kinds of limits that a result breaks and that were not stated; the others need not be."""
+    more = tracker.broken(result.x) - tracker.kinds
+    if "tension" not in tracker.kinds and not tracker.limits.keep(tracker.run_of(result).tension):
+        more |= {"tension"}
+    return more
+
+
+def _optimised(tracker: Tracker) -> OptimizationResult:
+    """Return what one optimisation finds from where it stands, within the limits that are stated."""
+    plan, problem = tracker.plan, tracker.problem
+    system, cost = (plan.system, plan.cost()) if plan else (problem.system, problem.cost(problem.weights.tension))
+    watch = _Watch(tracker)
+    patience = tracker.left if not tracker.may_grow else _PLAN_PATIENCE
+    if plan is None:
+        patience = max(tracker.patience, 1)
+    result = optimize(
+        system,
+        cost,
+        initial=tracker.start,
+        resume=tracker.earlier,
+        limits=tracker.limits.of(system.mechanism, problem.pelvis, tracker.kinds),
+        free_start=plan.free_start if plan else False,
+        shooting=tracker.shooting,
+        method=tracker.method,
+        max_iterations=min(tracker.left, patience),
+        tolerance=watch.tolerance,
+        callback=watch,
+    )
+    if result.status is Status.INTERRUPTED and result.gap > 0.0:
+        raise KeyboardInterrupt  # there is no motion yet
+    if result.status is Status.INTERRUPTED and tracker.varies:
+        # There may be no motion near it on strings that keep their lengths.
+        tracker.kept(lambda: tracker.as_search(result), at_once=True)
+    if watch.there:
+        return replace(result, status=Status.CONVERGED, message=_THERE)
+    return replace(result, status=Status.ITERATION_LIMIT, message=_CREPT) if watch.creeps else result
+
+
+class _Watch:
+    """Looks at the iterations of one optimisation: keeps the run now and then, tells the user, and ends it early.
+
+    So it does if it creeps where something follows, and where it is near enough to its minimum for what follows.
+    """
+
+    def __init__(self, tracker: Tracker) -> None:
+        self._tracker, ties = tracker, tracker.ties
+        self.creeps = self.there = False
+        # Strings on bars may be tied so loosely that an optimisation only leads to the next, or not for the last time.
+        self._passes = ties is not None and ties.weight < FIRM[0]
+        self._leads_on = tracker.may_grow if ties is None else ties.weight < FIRM[-1]
+        hardly = 0.0 if ties is None or not self._leads_on else _HARDLY if self._passes else _HARDLY_FIRM
+        self._pace = Pace(hardly=hardly, earlier=tracker.earlier)
+
+    @property
+    def tolerance(self) -> float:
+        """The tolerance: the user's, or else that of what is planned, or of a puppet that began hanging."""
+        tracker = self._tracker
+        if tracker.tolerance is not None:
+            return tracker.tolerance
+        if tracker.plan is None:
+            return _HANGING
+        if tracker.ties is None or self._passes:
+            return _PLANNED
+        return _TIED if tracker.slow is None else _TIED_SLOWLY
+
+    def __call__(self, record: IterationRecord) -> object:
+        """Return whether the optimisation ends here."""
+        tracker = self._tracker
+
+        def now() -> TrackingRun | TrackingSearch:
+            found = record.snapshot()
+            return tracker.as_search(found) if tracker.varies else tracker.run_of(found, counted=False)
+
+        if record.gap == 0.0:
+            tracker.kept(now)
+        if tracker.callback is not None and tracker.callback(record):
+            return True
+        creeps = self._pace.creeps(record)
+        # What limits are off by where strings on bars are tied is mended where these become rods.
+        on_bars = tracker.ties is not None
+        self.there = on_bars and not self._passes and self._pace.is_there(record, self.tolerance)
+        self.creeps = self._leads_on and creeps and not self.there
+        return self.creeps or self.there
