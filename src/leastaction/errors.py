@@ -239,6 +239,10 @@ class EnergyBalanceWarning(UserWarning):
     """A simulation lost or gained energy beside the work that was done."""
 
 
+class ResidualWarning(UserWarning):
+    """Residuals of a fit are not noise: the model misses something, or what was measured does not tell a number."""
+
+
 class RoundingWarning(UserWarning):
     """A motion is so far from the origin, or its steps are so short, that rounding eats it."""
 

@@ -78,7 +78,7 @@ def test_expressions_survive_what_sympy_does_with_them() -> None:
     assert coordinate(THETA**2).diff(THETA) == 2 * THETA
     assert sympy.sqrt(THETA**2) == sympy.Abs(THETA)  # symbols are real
     assert rate(3) == 0
-    assert speed("theta") == rate(THETA)
+    assert speed("theta") == rate(THETA) == rate("theta")
 
 
 def test_quantities_in_the_order_of_the_core() -> None:
@@ -161,7 +161,7 @@ def test_broken_expressions_are_named(expression: Any, message: str) -> None:
         (lambda: direction("a", (1, 2)), "got shape"),
         (lambda: parameter("k", float("inf")), "parameter 'k': got inf"),
         (lambda: parameter("k", "soft"), "parameter 'k'"),  # type: ignore[arg-type]
-        (lambda: rate("theta"), r"write variable\('theta'\)"),
+        (lambda: coordinate("theta"), r"write variable\('theta'\)"),
         (lambda: coordinate(point("a")), "expected a scalar expression"),
         (lambda: coordinate(object()), "expected a scalar expression"),
     ],

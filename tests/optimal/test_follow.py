@@ -41,6 +41,12 @@ from leastaction.models.puppet_arm import hang, puppet_arm
 from leastaction.optimal import OptimizationResult, check_derivatives
 from leastaction.systems.following.ways import Ways, rank
 
+# Curves are followed by few steps, for the ways: shorter steps would have other minima.
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::leastaction.errors.CoarseStepWarning"),
+    pytest.mark.filterwarnings("ignore::leastaction.errors.EnergyBalanceWarning"),
+]
+
 T = np.linspace(0.0, 2.0, 101)
 ARM = Mechanism(
     [rz("shoulder"), [ty(-0.5, mass=1.0, name="elbow end"), [rz("elbow"), [ty(-0.4, mass=0.5, name="hand")]]]],

@@ -41,6 +41,12 @@ from benchmarks.limits_cases import CASES
 from benchmarks.robustness_drawn import drawn
 from benchmarks.robustness_problems import PROBLEMS
 
+# Hard problems by few steps, for the search: shorter steps would have other minima.
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::leastaction.errors.CoarseStepWarning"),
+    pytest.mark.filterwarnings("ignore::leastaction.errors.EnergyBalanceWarning"),
+]
+
 
 def beginnings(notes: list[str]) -> list[str]:
     return [part for note in notes for part in note.split("; ") if part.startswith("began again")]
@@ -252,4 +258,4 @@ def test_inputs_that_a_curve_needs_are_those_of_the_trajectory_that_it_is() -> N
     run = system.rollout(np.zeros(2), line, push, np.zeros((len(u), 1, 2)), 0, len(u))
     np.testing.assert_allclose(needed_inputs(system, run.x, u), push, atol=1e-9)
     rows = [row for limit in limits for row in limit.rows(system, 1)]
-    np.testing.assert_allclose(line_to(np.zeros(2), None, rows, len(u))[[0, -1]], [[0.0, 0.0], [10.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(line_to(system, np.zeros(2), None, rows)[[0, -1]], [[0.0, 0.0], [10.0, 0.0]], atol=1e-12)

@@ -46,6 +46,12 @@ from benchmarks.robustness import certify
 from benchmarks.robustness_further import FURTHER
 from benchmarks.robustness_problems import PROBLEMS, cart, constant, double_pendulum, posed, waves
 
+# Hard problems by few steps, for the search: shorter steps would have other minima.
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::leastaction.errors.CoarseStepWarning"),
+    pytest.mark.filterwarnings("ignore::leastaction.errors.EnergyBalanceWarning"),
+]
+
 BY_NAME = {problem.name: problem for problem in PROBLEMS + FURTHER}
 
 

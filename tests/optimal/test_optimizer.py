@@ -120,7 +120,10 @@ def test_settings_are_options_by_their_names() -> None:
     assert Options(without=["gaps"]).without == ("gaps",)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("limits", [[], LIMITS])
+RATE: list[Limit] = [Bound("push", -60.0, 60.0, of="input rate")]
+
+
+@pytest.mark.parametrize("limits", [[], LIMITS, RATE])
 def test_another_cost_is_that_of_an_optimiser_made_with_it(limits: list[Limit]) -> None:
     system = cart()
     optimizer, other = Optimizer(system, tracking(), limits), Optimizer(system, tracking(0.1), limits)

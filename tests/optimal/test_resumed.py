@@ -42,6 +42,12 @@ from benchmarks.robustness_curves import CURVES
 from benchmarks.robustness_drawn import drawn
 from benchmarks.robustness_others import OTHERS
 
+# Problems drawn by chance, for the search: some of their minima stand on steps that are too coarse.
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::leastaction.errors.CoarseStepWarning"),
+    pytest.mark.filterwarnings("ignore::leastaction.errors.EnergyBalanceWarning"),
+]
+
 MOST = 250
 Problem = tuple[Any, Any, Any, dict[str, Any]]
 

@@ -34,6 +34,12 @@ from leastaction.models.puppet_arm import hang, puppet_arm
 from leastaction.systems.rigs.commands import reeled_in
 from optimal.systems import rolled_out, strung_rig
 
+# Plans of strings by steps of 20 ms, jagged as they are: what is played is held to the plan, not to shorter steps.
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::leastaction.errors.CoarseStepWarning"),
+    pytest.mark.filterwarnings("ignore::leastaction.errors.EnergyBalanceWarning"),
+]
+
 NONE = {"spread": 0.0, "noise": 0.0, "delay": 0.0, "substeps": 1}
 LEAST = 0.2  # N
 

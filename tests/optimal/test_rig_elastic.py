@@ -105,14 +105,14 @@ def test_a_plan_that_has_no_such_motion_is_kept(
     def fails(*_: object, **__: object) -> None:
         raise ProjectionError("none")
 
-    monkeypatch.setattr(elastic, "optimize", fails)
+    monkeypatch.setattr(elastic, "optimized", fails)
     found_x, found_u = nearest(model, x, u, Q=Q, R=R, least=least)
     np.testing.assert_array_equal(found_x, x)
     np.testing.assert_array_equal(found_u, u)
 
 
 def test_ctrl_c_ends_what_is_played(plan: tuple[MidpointSystem, Array, Array], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(elastic, "optimize", lambda *_, **__: SimpleNamespace(status=Status.INTERRUPTED))
+    monkeypatch.setattr(elastic, "optimized", lambda *_, **__: SimpleNamespace(status=Status.INTERRUPTED))
     with pytest.raises(KeyboardInterrupt):
         play(plan[0], plan[1:], RIG)
 

@@ -29,6 +29,12 @@ from benchmarks.robustness_further import FURTHER
 from benchmarks.robustness_others import OTHERS
 from benchmarks.robustness_problems import PROBLEMS, Given, chain, constant, posed
 
+# Hard problems by few steps, for the search: some of their minima stand on steps that are too coarse.
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::leastaction.errors.CoarseStepWarning"),
+    pytest.mark.filterwarnings("ignore::leastaction.errors.EnergyBalanceWarning"),
+]
+
 BY_NAME = {problem.name: problem for problem in PROBLEMS + FURTHER + OTHERS}
 N = 20
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import leastaction as la
 from leastaction.errors import ArgumentError
 from leastaction.numerics.differences import central_differences
 from leastaction.optimal import (
@@ -246,6 +247,17 @@ def test_a_search_among_rotations_that_is_stopped_and_resumed_is_the_same():
 BACKWARDS = FunctionQuantity("leans", lambda x: 2.0 * (x[:, 1] ** 2 + x[:, 2] ** 2))  # 1 less the cosine of the tilt
 
 
+def test_a_search_among_rotations_goes_on_from_a_file(tmp_path):
+    system = body(8)
+    cost, initial = to_attitude(8, [1, 2, 3], 2.8)
+    for more in ({}, {"shooting": "multiple"}, {"limits": [Bound("u*", -4.0, 4.0, of="input rate")]}):
+        whole = optimize(system, cost, initial=initial, **more)
+        part = optimize(system, cost, initial=initial, max_iterations=2, **more)
+        part.save(tmp_path / "part.npz")
+        again = optimize(system, cost, resume=la.open(tmp_path / "part.npz"), **more)
+        assert np.array_equal(again.x, whole.x)
+
+
 def test_limits_hold_on_entries_and_functions_of_states_that_are_no_vectors():
     system = body(20)
     cost, initial = to_attitude(20, [0.2, 0.1, 1.0], 2.9)
@@ -263,6 +275,20 @@ def test_limits_hold_on_entries_and_functions_of_states_that_are_no_vectors():
     assert within.limits.dual(within.limits.labels[0]).sum() == pytest.approx(
         (within.cost - more.cost) / 1e-4, rel=2e-2
     )
+
+
+def test_sums_of_entries_and_rates_of_inputs_are_limited_among_rotations():
+    system = body(10)
+    cost, initial = to_attitude(10, [0.2, 0.1, 1.0], 2.0)
+    free = optimize(system, cost, initial=initial)
+    most, fastest = (free.x[1:, 4] + 2.0 * free.x[1:, 6]).max() - 0.3, 0.8 * np.abs(np.diff(free.u[:, 2])).max()
+    limits = [Bound({"x[4]": 1.0, "x[6]": 2.0}, max=most), Bound("u[2]", -fastest, fastest, of="input rate")]
+    within = optimize(system, cost, initial=initial, limits=limits)
+    assert within.status is Status.CONVERGED, within.message
+    assert (within.x[1:, 4] + 2.0 * within.x[1:, 6]).max() == pytest.approx(most, abs=1e-5)
+    assert np.abs(np.diff(within.u[:, 2])).max() < fastest + 1e-6
+    assert within.K.shape == (10, 3, 6)
+    assert is_followed(system, within.x, within.u)
 
 
 def samples(x):

@@ -70,6 +70,12 @@ from benchmarks.robustness_problems import (
     rod,
 )
 
+# Motors and strings by few steps, for the ways: shorter steps would have other minima.
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::leastaction.errors.CoarseStepWarning"),
+    pytest.mark.filterwarnings("ignore::leastaction.errors.EnergyBalanceWarning"),
+]
+
 BY_NAME = {problem.name: problem for problem in PROBLEMS}
 
 

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from leastaction.mechanics.description.joints import prismatic, revolute, screw, twist
     from leastaction.mechanics.description.poses import pose
     from leastaction.mechanics.discrete.balance import DiscreteBalance
+    from leastaction.mechanics.discrete.configuration_by import configuration_by
     from leastaction.mechanics.discrete.linearization import StepDerivatives, StepTensors
     from leastaction.mechanics.discrete.midpoint import MidpointVI
     from leastaction.mechanics.discrete.sensitivity import Sensitivity
@@ -124,6 +125,7 @@ else:
             "leastaction.mechanics.description.joints": "prismatic revolute screw twist",
             "leastaction.mechanics.description.poses": "pose",
             "leastaction.mechanics.discrete.balance": "DiscreteBalance",
+            "leastaction.mechanics.discrete.configuration_by": "configuration_by",
             "leastaction.mechanics.discrete.linearization": "StepDerivatives StepTensors",
             "leastaction.mechanics.discrete.midpoint": "MidpointVI",
             "leastaction.mechanics.discrete.sensitivity": "Sensitivity",
@@ -161,7 +163,8 @@ __all__ = [
     "PrescribedMotion", "PrescribedPath", "Projection", "PythonConstraint", "PythonForce", "PythonFunction",
     "PythonPotential", "Sensitivity", "Servo", "SimulationStatus", "SpatialWrench", "Stability", "State", "Step",
     "StepDerivatives", "StepSensitivity", "StepTensors", "TapeMeasure", "TendonForce", "TorsionalSpring",
-    "Trajectory", "VelocityProjection", "Wrench", "ball", "check_consistent", "check_function", "equilibrium",
+    "Trajectory", "VelocityProjection", "Wrench", "ball", "check_consistent", "check_function",
+    "configuration_by", "equilibrium",
     "find_contradiction", "free", "gain_to_continuous", "gain_to_discrete", "legendre_jacobian", "momentum_by",
     "pose", "prismatic", "project_configuration", "project_velocity", "revolute", "rx", "ry", "rz", "screw",
     "simulate", "to_continuous", "to_discrete", "to_momentum", "to_velocity", "twist", "tx", "ty", "tz", "universal",

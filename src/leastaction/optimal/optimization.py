@@ -129,6 +129,15 @@ def optimize(
         What is no system, or not yet one; settings, shapes or values that are wrong, or an initial curve that
         cannot be projected.
 
+    Warns
+    -----
+    CoarseStepWarning, EnergyBalanceWarning
+        What was found stands on steps of time that `simulate` would call too coarse, or its energy and work do not
+        balance, so that shorter steps may have another minimum. The message says so too.
+    ResidualWarning
+        Parameters alone were fitted, without limits, and the states miss what is wanted by far more than
+        ``1 / sqrt(Q)``.
+
     Notes
     -----
     *Models.* ``method="auto"`` starts with quasi-Newton, stays with it while it foretells the cost well, and goes to
@@ -149,10 +158,10 @@ def optimize(
     known but no trajectories, such as the wanted motion with no inputs, and for motions that are unstable over a long
     time: there a projection leads far away. For discrete systems. A run that ends before the gaps are closed says so
     (`gap` of the result). Limits are softest meanwhile. "auto" tries gaps, but with `method` "auto" of a discrete
-    system without unknowns only, once, from the start, where that cannot be projected, where most of the first steps
-    had to be cut short (within limits, if the projection lost the start), where it is stuck within limits, or where it
-    takes long without. Where they do not close soon, it goes on from where it stood, which is the result meanwhile;
-    within limits from their projection.
+    system only, once, from the start, where that cannot be projected, where most of the first steps had to be cut short
+    (within limits, if the projection lost the start), where it is stuck within limits, or where it takes long without;
+    with unknowns at once, where the projection leaves the given curve. Where they do not close soon, it goes on from
+    where it stood, which is the result meanwhile; within limits from their projection.
 
     *Continuous time.* On a mesh, which is made finer until it resolves the motion, there is one recursion over its
     pieces: much the faster way, and weights may differ by any ratio. With ``collocate=False``, for problems without
@@ -163,7 +172,7 @@ def optimize(
     optimizer = Optimizer(
         system, cost, limits, horizon=horizon, free_start=free_start, unknowns=unknowns, options=options, **settings
     )
-    return optimizer.run_once(initial, resume=resume, callback=callback)
+    return optimizer.run_once(initial, resume=resume, callback=callback, warn=True)
 
 
 @public

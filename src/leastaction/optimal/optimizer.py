@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import ThreadpoolController
 
-from leastaction.errors import ArgumentError
+from leastaction.errors import ArgumentError, ResidualWarning
 from leastaction.numerics.arrays import as_array, as_count, read_only, require_instance
 from leastaction.numerics.frozen import changed
 from leastaction.numerics.piecewise import PiecewisePolynomial
@@ -32,14 +33,16 @@ from leastaction.optimal.limits.limit import Limit, checked_limits
 from leastaction.optimal.loop import Callback, Loop, Problem
 from leastaction.optimal.options import Options
 from leastaction.optimal.remembered.extension import Remembered, needed_by
-from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.search.problem import DiscreteProblem
 from leastaction.optimal.system import check_system
 from leastaction.optimal.unknowns.extension import Extension, checked_unknowns
 from leastaction.optimal.unknowns.periodic import Periodic
-from leastaction.optimal.unknowns.unknown import Unknown
+from leastaction.optimal.unknowns.unknown import Parameter, Unknown
 from leastaction.optimal.ways import WAYS
 from leastaction.optimal.ways.resolved import resumed as resume_within
+
+_FAR_OFF = 3.0  # residuals of a fit, in standard deviations that its weights say, which are no noise
 
 
 @public
@@ -116,7 +119,7 @@ class Optimizer:
     def run(
         self, initial: Any = None, *, resume: OptimizationResult | None = None, callback: Callback | None = None
     ) -> OptimizationResult:
-        """Return what `optimize` does from a start, or where an earlier run ended.
+        """Return what `optimize` does from a start, or where an earlier run ended; without its warnings.
 
         Parameters
         ----------
@@ -135,9 +138,17 @@ class Optimizer:
         return self.result
 
     def run_once(
-        self, initial: Any = None, *, resume: OptimizationResult | None = None, callback: Callback | None = None
+        self,
+        initial: Any = None,
+        *,
+        resume: OptimizationResult | None = None,
+        callback: Callback | None = None,
+        warn: bool = False,
     ) -> OptimizationResult:
-        """Return what `run` does, for an optimiser that does not run again: gains stand in its own memory."""
+        """Return what `run` does, for an optimiser that does not run again: gains stand in its own memory.
+
+        ``warn``: whether to warn of what the message says against the motion, in the name of who called `optimize`.
+        """
         if (initial is None) == (resume is None):
             got = "neither" if initial is None else "both"
             raise ArgumentError(f"initial, resume: got {got}, expected one of them.")
@@ -164,7 +175,8 @@ class Optimizer:
                 resume_within(loop.progress, resume, resume.memory)
             result = loop.run()
         result = result if extension is None else extension.result(result)
-        return result if self._remembered is None else self._remembered.result(result)
+        result = result if self._remembered is None else self._remembered.result(result)
+        return self._doubted(result, warn=warn)
 
     def _begun(self, initial: Any, resume: OptimizationResult | None) -> Problem[Any, Any, Any]:
         """Return the problem at its first iterate, with the memory that the last run has worked in."""
@@ -232,6 +244,32 @@ class Optimizer:
             x[0] = as_array(x0, "x0", (system.nx,), meaning="(nx,)")
         return self.run(replace(last, x=read_only(np.array(x)), u=read_only(np.array(u))), callback=callback)
 
+    def _doubted(self, result: OptimizationResult, *, warn: bool) -> OptimizationResult:
+        """Return a result whose message says what speaks against the motion that was found, whatever its cost."""
+        # What is a minimum among resolved motions only says so itself.
+        if result.gap > 0.0 or result.status not in (Status.CONVERGED, Status.STALLED):
+            return result
+        doubts = [*([] if result.system is None else result.system.doubts(result)), *self._of_fit(result)]
+        for doubt in doubts if warn else ():
+            warnings.warn(doubt, stacklevel=4)
+        said = [result.message, *(f"But {doubt}." for doubt in doubts)]
+        return changed(result, message=" ".join(said)) if doubts else result
+
+    def _of_fit(self, result: OptimizationResult) -> list[Warning]:
+        """Return that a fit of parameters, which nothing limits, is far off what its weights say of the noise."""
+        fitted = [each for each in self.unknowns if isinstance(each, Parameter)]
+        if not fitted or len(fitted) < len(self.unknowns) or self.limits or not isinstance(self.cost, Cost):
+            return []
+        missed = self.cost.misfit(result.x)
+        if missed is None or missed <= _FAR_OFF:
+            return []
+        return [
+            ResidualWarning(
+                f"the states miss what is wanted by {missed:.3g} times what the weights Q say, as one over the "
+                "variance of noise: the model misses something, or the minimum is a poor one"
+            )
+        ]
+
     # ---- The problem ------------------------------------------------------------------------------
 
     def _replace_cost(self, system: DiscreteSystem, cost: Cost) -> None:
@@ -239,7 +277,7 @@ class Optimizer:
         cost.check_shapes(system.N, system.nx, system.nu)
         check_space(cost, system)
         self.cost = cost
-        if self._extension is None and isinstance(self._problem, DiscreteProblem):
+        if self._extension is None and self._remembered is None and isinstance(self._problem, DiscreteProblem):
             self._problem.parts.replace_cost(cost)
         else:
             self._problem = self._discrete()
@@ -283,9 +321,9 @@ class Optimizer:
             system, cost, settings = extension.system, extension.cost, extension.settings(settings)
         else:
             rows = [row for limit in limits for row in limit.rows(system, 1 if free is False else 0)]
-        tries_gaps = settings.method == "auto" and own_projection(settings, system) is None and self._extension is None
+        tries_gaps = settings.method == "auto" and own_projection(settings, system) is None
         tries_gaps = tries_gaps and settings.shooting == "auto" and "gaps" not in settings.without
-        gapped: Gapped = "where needed" if tries_gaps else "never"
+        gapped: Gapped = "never" if not tries_gaps else "where needed" if self._extension is None else "where left"
         gapped = "at once" if settings.shooting == "multiple" else gapped
         return DiscreteProblem(system, cost, settings, rows, free, gapped, final_time=final_time)
 
@@ -312,6 +350,12 @@ class Optimizer:
         if self.limits or self.free_start is not False or settings.collocate:
             return Collocation(system, cost, self.limits, settings, accuracy, self.horizon, self.free_start)
         return ContinuousProblem(system, cost, settings, accuracy, self.horizon)
+
+
+def optimized(system: Any, cost: Any, *, initial: Any = None, **stated: Any) -> OptimizationResult:
+    """Return what `optimize` does, without its warnings: for stages of something else."""
+    resume, callback = (stated.pop(name, None) for name in ("resume", "callback"))
+    return Optimizer(system, cost, **stated).run_once(initial, resume=resume, callback=callback)
 
 
 def _one_thread() -> AbstractContextManager[object]:

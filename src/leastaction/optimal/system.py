@@ -202,6 +202,10 @@ class System(ABC):
         """Return the trajectory of the mechanism that a result of this system is; for what `told` returns."""
         raise NotImplementedError(f"{type(self).__name__} is of no mechanism")
 
+    def doubts(self, result: Any) -> list[Warning]:  # noqa: ARG002 - overridden
+        """Return what speaks against the motion of a result, for what `told` returns; nothing by default."""
+        return []
+
     def dataset(self, result: Any) -> Dataset | None:  # noqa: ARG002 - overridden
         """Return what a file of a result says of the system: its settings, its mechanism, and arrays that it adds."""
         return None

@@ -18,7 +18,7 @@ from leastaction.numerics.arrays import Array, as_array, as_number, require_inst
 from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import given_start
-from leastaction.optimal.optimization import optimize
+from leastaction.optimal.optimizer import optimized
 from leastaction.optimal.options import Method
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.starts import HelpedCost, StartResult, StartStatus, continuation
@@ -214,7 +214,7 @@ class _Helped:
         failure: LeastActionError | None = None
         for start, method in ways:
             try:
-                result = optimize(self.system, priced, initial=start, method=method, **self.how)
+                result = optimized(self.system, priced, initial=start, method=method, **self.how)
             except LeastActionError as error:
                 failure = error
                 continue
@@ -244,7 +244,7 @@ def _without_help(
         is_cheap = min(result.history.cost[0], result.cost) <= _DEAR * helped.cost
         return kept and bool(is_cheap or result.success)
 
-    solve = partial(optimize, system, cost, initial=start, **options)
+    solve = partial(optimized, system, cost, initial=start, **options)
     result, accepted = stages.make("without help", np.inf, solve, accept=keeps)
     if result is not None and (accepted or stages.ended is not None):
         status = StartStatus.COMPLETED if accepted else stages.ended

@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction._core import StepStatus
-from leastaction.errors import ArgumentError, InconsistentStartError, ProjectionError
+from leastaction.errors import (
+    ArgumentError,
+    CoarseStepWarning,
+    EnergyBalanceWarning,
+    InconsistentStartError,
+    ProjectionError,
+)
 from leastaction.mechanics.configuration.assembly import check_consistent, project_configuration
 from leastaction.mechanics.configuration.null_space import NullSpace
 from leastaction.mechanics.discrete.linearization import StepDerivatives, step_pattern
@@ -111,6 +117,14 @@ class MidpointSystem(DiscreteSystem):
 
     def motion(self, result: Any) -> Trajectory:
         return self.trajectory(result.x, result.u)
+
+    def doubts(self, result: Any) -> list[Warning]:
+        """Return that steps of time are coarse, or that energy and work do not balance, as `simulate` would warn."""
+        worst, found = result.worst_step, list[Warning]()
+        if worst is not None and worst.is_coarse:
+            found.append(CoarseStepWarning(str(worst)))
+        complaint = self.integrator.balance(self.motion(result)).complaint
+        return [*found, EnergyBalanceWarning(complaint)] if complaint else found
 
     def dataset(self, result: Any) -> Dataset:
         vi = self.integrator
@@ -271,11 +285,12 @@ class MidpointSystem(DiscreteSystem):
         vi, m = self.integrator, self.mechanism
         if FINAL_TIME in names or type(self).f is not MidpointSystem.f or self.space is not None:
             return None
-        slots = m.slots_of_elements(names)
+        each, sums = m.members_of(names)
+        slots = m.slots_of_elements(each)
         if slots is None:
             return None
         directions = np.zeros((len(names), len(m.core.numbers)))
-        directions[np.arange(len(names)), slots] = 1.0
+        directions[:, slots] = sums.T
         t = self.t[start : start + len(x)]
         found = vi.core.curvature_by_numbers(
             t, self._bare(x), u, z, directions, threads=vi.threads, first_share=self._share(start)

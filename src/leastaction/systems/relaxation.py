@@ -18,7 +18,7 @@ from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost, QuadraticCost
 from leastaction.optimal.discrete.system import given_start
 from leastaction.optimal.limits.limit import Bound
-from leastaction.optimal.optimization import optimize
+from leastaction.optimal.optimizer import optimized
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.starts import StartResult, StartStatus, continuation
 from leastaction.optimal.starts.stages import (
@@ -115,7 +115,7 @@ def relax(
     def solve(value: float, earlier: OptimizationResult | None) -> OptimizationResult:
         soft = softer[value] = MidpointSystem(system.integrator.like(_soft(m, names, value)), system.t)
         start = initial if earlier is None else (earlier.x, earlier.u)
-        return optimize(
+        return optimized(
             soft, cost, initial=start, max_iterations=stage_iterations, tolerance=stage_tolerance,
             limits=options.get("limits", ()), shooting="single", without=["resolved"],
         )  # fmt: skip
@@ -229,7 +229,7 @@ def by_tensions(
     limits = [] if least is None else [Bound(late, min=least, of="input")]
     stages = StartStages(callback)
     solve = partial(
-        optimize, pulled, easier, initial=(x, with_tensions), limits=limits, max_iterations=stage_iterations,
+        optimized, pulled, easier, initial=(x, with_tensions), limits=limits, max_iterations=stage_iterations,
         tolerance=stage_tolerance,
     )  # fmt: skip
     result, accepted = stages.make("by tensions", 0.0, solve, accept=lambda found: found.status in _ENOUGH)
@@ -258,7 +258,7 @@ def _put_back(
 
     def solve() -> OptimizationResult:
         start = warm_start((found.x, found.u), other, system)
-        return optimize(system, cost, initial=start, **options)
+        return optimized(system, cost, initial=start, **options)
 
     result, accepted = stages.make(name, np.inf, solve, accept=lambda _: True)
     if result is not None and (accepted or stages.ended is not None):

@@ -10,13 +10,14 @@ from typing import Final
 from leastaction.errors import ProjectionError
 from leastaction.mechanics import Mechanism
 from leastaction.models.marionette import bars_of, held_strings, tie_strings
-from leastaction.optimal import OptimizationResult, optimize
+from leastaction.optimal import OptimizationResult
 from leastaction_marionette.tracking import tying
 from leastaction_marionette.tracking.found import Effort, TrackingRun, TrackingSearch
 from leastaction_marionette.tracking.limits import FIRST_KINDS, KINDS
 from leastaction_marionette.tracking.motors import search
 from leastaction_marionette.tracking.parts import found_in_parts
 from leastaction_marionette.tracking.plan import TrackingPlan
+from leastaction_marionette.tracking.stage import optimize
 from leastaction_marionette.tracking.ties import FIRM
 from leastaction_marionette.tracking.tracker import PATIENCE, Curve, Tracker, improved, slower
 

@@ -15,10 +15,11 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.io import Motion
-from leastaction.optimal import OptimizationResult, StageRecord, StartResult, StartStatus, continuation, optimize
+from leastaction.optimal import OptimizationResult, StageRecord, StartResult, StartStatus, continuation
 from leastaction_marionette.tracking.limits import KINDS
 from leastaction_marionette.tracking.plan import TrackingPlan
 from leastaction_marionette.tracking.poses import at_rest
+from leastaction_marionette.tracking.stage import optimize
 
 SIZES: Final = (0.2, 0.4, 0.6, 0.8, 1.0)
 """Parts of the way from the first pose to the wanted ones."""

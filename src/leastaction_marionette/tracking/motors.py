@@ -17,11 +17,12 @@ import numpy as np
 from leastaction.errors import ProjectionError
 from leastaction.io import Motion
 from leastaction.numerics import Array, smooth_rise
-from leastaction.optimal import IterationRecord, OptimizationResult, Status, optimize
+from leastaction.optimal import IterationRecord, OptimizationResult, Status
 from leastaction_marionette.tracking.found import Effort
 from leastaction_marionette.tracking.limits import FIRST_KINDS
 from leastaction_marionette.tracking.plan import TrackingPlan
 from leastaction_marionette.tracking.poses import at_rest, hanging
+from leastaction_marionette.tracking.stage import optimize
 
 # Prices of a motor's square on the way to the motion without motors, and the iterations at each.
 PRICES = (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1e3, 1e4)

@@ -25,10 +25,10 @@ from leastaction.optimal import (
     PricedLimit,
     PricedLimits,
     QuadraticCost,
-    optimize,
 )
 from leastaction_marionette.tracking.limits import KINDS, PuppetLimits
 from leastaction_marionette.tracking.problem import TrackingProblem
+from leastaction_marionette.tracking.stage import optimize
 
 _BY_TENSION, _BY_POSE, _BY_PLACE, _BY_MOMENTUM = 1e-4, 1.0, 1.0, 1e-3  # prices of changes
 # Of what limits are broken by, at first: by 1 N, rad or m, m/s or rad/s, and so on.

@@ -12,7 +12,7 @@ from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.io import Motion
 from leastaction.mechanics import Mechanism
 from leastaction.numerics import Array
-from leastaction.optimal import Callback, IterationRecord, Method, OptimizationResult, Shooting, Status, optimize
+from leastaction.optimal import Callback, IterationRecord, Method, OptimizationResult, Shooting, Status
 from leastaction_marionette.choices import Follow
 from leastaction_marionette.tracking.by_lengths import by_lengths
 from leastaction_marionette.tracking.checkpoints import Checkpoints
@@ -24,6 +24,7 @@ from leastaction_marionette.tracking.pace import Pace
 from leastaction_marionette.tracking.plan import TrackingPlan
 from leastaction_marionette.tracking.poses import hanging
 from leastaction_marionette.tracking.problem import TrackingProblem
+from leastaction_marionette.tracking.stage import optimize
 from leastaction_marionette.tracking.ties import FIRM, Ties
 from leastaction_marionette.tracking.weights import FORCED, TrackingWeights
 

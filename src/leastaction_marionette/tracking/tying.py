@@ -14,11 +14,12 @@ from typing import Final
 import numpy as np
 
 from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
-from leastaction.optimal import OptimizationResult, Status, optimize
+from leastaction.optimal import OptimizationResult, Status
 from leastaction_marionette.tracking.found import CUT_SHORT, STUCK, TrackingRun, TrackingSearch
 from leastaction_marionette.tracking.limits import KINDS
 from leastaction_marionette.tracking.plan import TrackingPlan
 from leastaction_marionette.tracking.poses import held_still
+from leastaction_marionette.tracking.stage import optimize
 from leastaction_marionette.tracking.ties import FIRM, LOOSE, Ties
 from leastaction_marionette.tracking.tracker import Tracker, improved, slower
 

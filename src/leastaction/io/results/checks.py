@@ -47,14 +47,19 @@ def check_result(result: OptimizationResult, source: str) -> None:
     ``source``: where it comes from, for the message.
     """
     steps, nx, nu = len(result.u), result.x.shape[-1], result.u.shape[-1]
-    # Those by which a run goes on are also by its unknowns and, where it was to return, by entries of the first state.
-    least = nx + len(result.unknowns)
-    most = least if result.limits is None else least + nx
-    gains = min(max(result.projection_gain.shape[-1], least), most)
+    # Of states that are no plain vectors gains act on differences, which have fewer numbers.
+    ndx, given, unknowns = result.K.shape[-1], result.projection_gain.shape[-1], len(result.unknowns)
+    if not 0 < ndx < nx or (result.limits is None and given != ndx + unknowns):
+        ndx = nx
+    # Those by which a run goes on are also by its unknowns and, where it was to return or looks back, by entries of the
+    # first state or of the step before.
+    most = unknowns if result.limits is None else unknowns + 2 * nx + nu
+    more = min(max(given - ndx, unknowns), most)
+    gains, width = ndx + more, nx + more
     shapes: dict[str, tuple[Array, tuple[int, ...]]] = {
         "x": (result.x, (steps + 1, nx)),
         "u": (result.u, (steps, nu)),
-        "K": (result.K, (steps, nu, nx)),
+        "K": (result.K, (steps, nu, ndx)),
         "projection_gain": (result.projection_gain, (steps, nu, gains)),
     }
     memory = result.memory
@@ -68,24 +73,24 @@ def check_result(result: OptimizationResult, source: str) -> None:
             if place is not None:
                 # With unknowns the states of a run are longer than those of its result.
                 shapes |= {
-                    f"memory.{where}.x": (place.x, (steps + 1, least)),
+                    f"memory.{where}.x": (place.x, (steps + 1, width)),
                     f"memory.{where}.u": (place.u, (steps, nu)),
-                    f"memory.{where}.gain": (place.gain, (steps, nu, least)),
+                    f"memory.{where}.gain": (place.gain, (steps, nu, gains)),
                 }
         if memory.first is not None:
-            shapes["memory.first.x"] = memory.first.x, (steps + 1, gains)
+            shapes["memory.first.x"] = memory.first.x, (steps + 1, width)
             shapes["memory.first.u"] = memory.first.u, (steps, nu)
         if memory.start is not None:
             start = memory.start.x
-            shapes["memory.start.x"] = start, (gains,) if start.ndim == 1 else (steps + 1, gains)
+            shapes["memory.start.x"] = start, (width,) if start.ndim == 1 else (steps + 1, width)
             shapes["memory.start.u"] = memory.start.u, (steps, nu)
         if memory.gaps is not None:
             gaps = memory.gaps
-            shapes["memory.gaps.size"] = gaps.size, (least,)
-            shapes["memory.gaps.costates"] = gaps.costates, (steps + 1 if len(gaps.costates) else 0, least)
+            shapes["memory.gaps.size"] = gaps.size, (gains,)
+            shapes["memory.gaps.costates"] = gaps.costates, (steps + 1 if len(gaps.costates) else 0, gains)
             shapes["memory.gaps.filter"] = gaps.filter, (len(gaps.filter), 2)
         if memory.wanted is not None:
-            shapes["memory.wanted.x"] = memory.wanted.x, (steps + 1, gains)
+            shapes["memory.wanted.x"] = memory.wanted.x, (steps + 1, width)
             shapes["memory.wanted.u"] = memory.wanted.u, (steps, nu)
     check_shapes(shapes, f"{steps} steps, {nx} states and {nu} inputs", source)
     check_history(result, source)

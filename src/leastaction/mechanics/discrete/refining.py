@@ -9,14 +9,17 @@ one of these goes on as it did.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
 from leastaction.mechanics.discrete.integrator import Integrator
+from leastaction.mechanics.discrete.outcome import quality_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.signals import Signal, signal_rows
+from leastaction.numerics.step_quality import StepQuality
 
 _HALVINGS = 12  # of a given step
 # Where a step is parted. Another place is tried where that meets a configuration without which way to go on, such as a
@@ -53,6 +56,29 @@ class Controls:
         return row
 
 
+@dataclass
+class Refined:
+    """Steps between given instants, with those that were added.
+
+    ``t``: their ends; ``u``: their controls; ``x``, ``lam``: states at their ends, and multipliers, of all but the last
+    where that could not be made. ``qualities``: how coarse each was. ``redundant``: whether constraints were found to
+    be. ``interrupted``: whether Ctrl-C ended it.
+    """
+
+    t: list[float] = field(default_factory=list)
+    u: list[Array] = field(default_factory=list)
+    x: list[Array] = field(default_factory=list)
+    lam: list[Array] = field(default_factory=list)
+    qualities: list[StepQuality | None] = field(default_factory=list)
+    redundant: bool = False
+    interrupted: bool = False
+
+    def cut(self, length: int) -> None:
+        """Forget all steps from one on."""
+        for each in (self.t, self.u, self.x, self.lam, self.qualities):
+            del each[length:]
+
+
 def refined(
     vi: Integrator,
     start: Array,
@@ -60,46 +86,55 @@ def refined(
     controls: Controls,
     tolerance: float,
     progress: Callable[[int, int], None] | None,
-) -> tuple[Array, Array, bool]:
-    """Return instants (N'+1,), those of t among them, and the controls (N', n_inputs + nrho) of the steps between.
+) -> Refined:
+    """Return steps between instants (N+1,), with more where they do not keep the energy.
 
-    They end early, at an instant of t, where even the shortest step cannot be made, or at Ctrl-C, of which the third
-    that is returned says whether it came.
+    They end early with a step of t where even the shortest part of it cannot be made, or at Ctrl-C.
 
     ``start``: the state x there. ``tolerance``: what the length of a step may do to the energy (J).
     ``progress``: called with the number of given steps done and of all.
     """
     refiner = _Refiner(vi, controls, tolerance)
-    x, made, interrupted = start, 0, False
+    x, made = start, 0
     try:
         for k in range(len(t) - 1):
             end = refiner.make(k, x, float(t[k]), float(t[k + 1]))
-            made = len(refiner.times)
+            made = len(refiner.found.t)
             if end is None:
                 break
             x = end
             if progress is not None:
                 progress(k + 1, len(t) - 1)
     except KeyboardInterrupt:
-        interrupted = True
-    rows = np.array(refiner.rows[:made]).reshape(made, controls.u.shape[1])
-    return np.concatenate((t[:1], refiner.times[:made])), rows, interrupted
+        refiner.found.cut(made)
+        refiner.found.interrupted = True
+    return refiner.found
+
+
+@dataclass(frozen=True)
+class _Made:
+    """Steps one after the other: the end of the last, its multipliers, and what is noted of all their energies."""
+
+    x: Array
+    lam: Array
+    energies: Array
+    quality: StepQuality | None
+    redundant: bool
 
 
 class _Refiner:
     def __init__(self, vi: Integrator, controls: Controls, tolerance: float) -> None:
         self.vi, self.controls, self.tolerance = vi, controls, tolerance
-        self.times: list[float] = []
-        self.rows: list[Array] = []
+        self.found = Refined()
 
     def make(self, k: int, x: Array, begin: float, end: float) -> Array | None:
         """Return the state at the end of step k, or None where it cannot be made; it is then noted as it was given."""
-        made = len(self.times)
+        before = len(self.found.t)
         for part in _PARTS:
-            found = self._go(k, x, begin, end, part, _HALVINGS)
-            if found is not None:
-                return found
-            del self.times[made:], self.rows[made:]
+            reached = self._go(k, x, begin, end, part, _HALVINGS)
+            if reached is not None:
+                return reached
+            self.found.cut(before)
         self._note(k, begin, end)
         return None
 
@@ -108,44 +143,49 @@ class _Refiner:
         whole = self._steps(k, x, (begin, end))
         inner = begin + part * (end - begin)
         if whole is not None and (halvings == 0 or self._keeps_energy(k, x, (begin, inner, end), whole)):
-            self._note(k, begin, end)
-            return whole[0]
+            return self._note(k, begin, end, whole)
         if halvings == 0:
             return None
-        made = len(self.times)
+        before = len(self.found.t)
         first = self._go(k, x, begin, inner, part, halvings - 1)
         second = None if first is None else self._go(k, first, inner, end, part, halvings - 1)
         if second is not None:
             return second
-        del self.times[made:], self.rows[made:]
-        if whole is None:
+        self.found.cut(before)
+        # Where its parts meet a configuration from which no way leads on it strides across.
+        return None if whole is None else self._note(k, begin, end, whole)
+
+    def _note(self, k: int, begin: float, end: float, made: _Made | None = None) -> Array | None:
+        """Note a step, and what was made of it; return the state at its end."""
+        self.found.t.append(end)
+        self.found.u.append(self.controls(k, begin, end))
+        if made is None:
             return None
-        # Its parts meet a configuration from which no way leads on, which it strides across.
-        self._note(k, begin, end)
-        return whole[0]
+        self.found.x.append(made.x)
+        self.found.lam.append(made.lam)
+        self.found.qualities.append(made.quality)
+        self.found.redundant = self.found.redundant or made.redundant
+        return made.x
 
-    def _note(self, k: int, begin: float, end: float) -> None:
-        self.times.append(end)
-        self.rows.append(self.controls(k, begin, end))
-
-    def _steps(self, k: int, x: Array, times: tuple[float, ...]) -> tuple[Array, Array] | None:
-        """Return the state after steps between times, and what is noted of their energies; None where one fails."""
-        u = np.array([self.controls(k, a, b) for a, b in pairwise(times)])
-        out = self.vi.core.roll_out(np.array(times), x.copy(), None, u, None, energies=True, interruptible=False)
+    def _steps(self, k: int, x: Array, times: tuple[float, ...]) -> _Made | None:
+        """Make steps between times; None where one fails."""
+        t, u = np.array(times), np.array([self.controls(k, a, b) for a, b in pairwise(times)])
+        out = self.vi.core.roll_out(t, x.copy(), None, u, None, energies=True)
         if out.steps < len(u):
             return None
-        return np.array(out.x[-1]), np.array(out.energies)
+        quality = quality_of(self.vi.mechanism, out, t)
+        return _Made(np.array(out.x[-1]), np.array(out.lam[-1]), np.array(out.energies), quality, out.rank_deficient)
 
-    def _keeps_energy(self, k: int, x: Array, times: tuple[float, ...], whole: tuple[Array, Array]) -> bool:
+    def _keeps_energy(self, k: int, x: Array, times: tuple[float, ...], whole: _Made) -> bool:
         parts = self._steps(k, x, times)
         if parts is None:
             return False
         u, h = self.controls(k, times[0], times[-1]), times[-1] - times[0]
-        at_end, by_parts = (self._energy(each, u, times[-1], h) for each in (whole[0], parts[0]))
+        at_end, by_parts = (self._energy(each, u, times[-1], h) for each in (whole.x, parts.x))
         if at_end is None or by_parts is None:
             return False
         (energy, size), (better, _) = at_end, by_parts
-        noted = np.vstack((whole[1], parts[1]))
+        noted = np.vstack((whole.energies, parts.energies))
         of_whole, of_first, of_second = noted[:, 0] + noted[:, 1]
         # From the middle of the first part to that of the second the energy goes evenly, to the second order.
         there = of_first + (times[2] - times[1]) / h * (of_second - of_first)

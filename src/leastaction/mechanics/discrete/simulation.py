@@ -15,7 +15,7 @@ from leastaction.mechanics.discrete.balance import DiscreteBalance, balance_of, 
 from leastaction.mechanics.discrete.feedback import MidpointLaw
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.outcome import quality_of, step_error
-from leastaction.mechanics.discrete.refining import Controls, refined
+from leastaction.mechanics.discrete.refining import Controls, Refined, refined
 from leastaction.mechanics.discrete.rounding import eaten
 from leastaction.mechanics.discrete.trajectory import (
     SimulationStatus,
@@ -114,17 +114,20 @@ def simulate(
     as_choice(law_at, "law_at", get_args(LawAt))
     forces = None if law is not None else cast(Signal, inputs)
     u = np.hstack([signal_rows(forces, middle, m.inputs, "inputs", np.zeros(m.n_inputs)), rho_next])
-    first, stopped = u[0, : m.n_inputs].copy(), False
+    first, found = u[0, : m.n_inputs].copy(), None
     if energy_tolerance is not None:
         most = as_number(energy_tolerance, "energy_tolerance", above=0.0)
         if law is not None:
             raise ArgumentError("energy_tolerance: got one and a feedback; it goes with inputs that are known before")
         controls = Controls(m, times, forces, rho, u, start.q[m.nq - m.nrho :])
-        times, u, stopped = refined(vi, vector_of(m, start), times, controls, most, progress)
+        found = refined(vi, vector_of(m, start), times, controls, most, progress)
+        times, u = np.array([times[0], *found.t]), np.array(found.u).reshape(len(found.u), u.shape[1])
         progress = None
     run = _Run(vi, times, vector_of(m, start), u)
+    if found is not None:
+        run.take(found)
     status, message = run.go(law, law_at, progress)
-    if stopped and status is SimulationStatus.COMPLETED:
+    if found is not None and found.interrupted and status is SimulationStatus.COMPLETED:
         status, message = SimulationStatus.INTERRUPTED, f"interrupted at t = {times[-1]:.6g} s"
     done = run.done
     passages = vi.watch.look(times[: done + 1], run.x[: done + 1, : m.nq])
@@ -202,6 +205,13 @@ class _Run:
         except KeyboardInterrupt:
             return SimulationStatus.INTERRUPTED, f"interrupted after {self.done} of {N} steps"
         return SimulationStatus.COMPLETED, f"completed {N} steps"
+
+    def take(self, found: Refined) -> None:
+        """Take the steps that were made with instants added."""
+        self.done = len(found.x)
+        if self.done:
+            self.x[1 : self.done + 1], self.lam[: self.done] = found.x, found.lam
+        self.qualities, self.redundant = list(found.qualities), found.redundant
 
     def _under(self, law: MidpointLaw) -> _core.RollOut:
         """Make a step under a law at its midpoint."""

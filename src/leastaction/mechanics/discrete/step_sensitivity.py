@@ -26,6 +26,7 @@ from leastaction.mechanics.mechanism.parameters import (
     Place,
     Prescribed,
     inertia_slope,
+    parameter_value,
 )
 from leastaction.numerics.arrays import Array, require_instance
 from leastaction.numerics.public import public
@@ -82,7 +83,8 @@ def steps_by(
     prescribed motions. ``first_share``: the part of the first step for which forces at the instants act at its start.
     """
     m = vi.mechanism
-    places = m.parameter_places(names)
+    each, sums = m.members_of(names)
+    places = m.parameter_places(each)
     by_x = np.zeros((len(u), m.ndx, len(places)))
     by_lam = np.zeros((len(u), m.nc, len(places)))
     lengths = {name: place for name, place in places.items() if isinstance(place, Prescribed)}
@@ -96,7 +98,9 @@ def steps_by(
         out = vi.core.by_parameters(t, x, u, directions, inertias, threads=vi.threads, first_share=first_share)
         chosen = [columns[name] for name in others]
         by_x[:, :, chosen], by_lam[:, :, chosen] = out.x, out.lam
-    return StepSensitivity(tuple(places), by_x, by_lam)
+    if len(each) > len(names):
+        by_x, by_lam = by_x @ sums, by_lam @ sums
+    return StepSensitivity(tuple(names), by_x, by_lam)
 
 
 def by_time_step(vi: Integrator, t: Array, x: Array, u: Array, *, first_share: float = 1.0) -> StepSensitivity:
@@ -118,7 +122,8 @@ def momentum_by(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, names: Sequenc
         Parameters, among the names of `Mechanism.parameters`.
     """
     require_instance(mechanism, "mechanism", Mechanism)
-    places = mechanism.parameter_places(names)
+    each, sums = mechanism.members_of(names)
+    places = mechanism.parameter_places(each)
     q0, v0 = single(mechanism, q), rates(mechanism, v)
     out = np.zeros((mechanism.nd, len(places)))
     lengths = {name: place for name, place in places.items() if isinstance(place, Prescribed)}
@@ -138,7 +143,7 @@ def momentum_by(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, names: Sequenc
                 out[:, column] = mechanism.core.inertia_slope(q0, v0, joint, list(slope))[1][: mechanism.nd]
         elif isinstance(place, Prescribed):
             out[:, column] = by[: mechanism.nd, list(lengths).index(name)]
-    return out
+    return out @ sums
 
 
 def _directions(m: Mechanism, places: dict[str, Place]) -> tuple[Array, list[tuple[int, int, list[float]]]]:
@@ -213,7 +218,8 @@ def _by_lengths(
 
 def _held(m: Mechanism, lengths: dict[str, Prescribed]) -> Array:
     """Return the values (len(lengths),) of the variables that stand for numbers."""
-    return np.array([m.parameters[name] if isinstance(place, Length) else 0.0 for name, place in lengths.items()])
+    numbers, places = m.core.numbers, lengths.values()
+    return np.array([parameter_value(m.tree, at, numbers) if isinstance(at, Length) else 0.0 for at in places])
 
 
 def _growth(m: Mechanism, lengths: dict[str, Prescribed]) -> tuple[Array, Array]:

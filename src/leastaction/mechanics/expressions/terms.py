@@ -167,16 +167,18 @@ def rate(expression: Any) -> sympy.Expr:
 
     Parameters
     ----------
-    expression : sympy.Expr
-        In points, directions, variables and numbers, such as ``distance("a", "b")``.
+    expression : sympy.Expr or str
+        In points, directions, variables and numbers, such as ``distance("a", "b")``; or the name of a variable.
     """
+    if isinstance(expression, str):
+        expression = variable(expression)
     return symbols().Rate(_scalar(expression, "rate"))
 
 
 @public
 def speed(name: str) -> sympy.Expr:
     """Return the velocity of a configuration variable (m/s or rad/s): ``rate(variable(name))``."""
-    return rate(variable(name))
+    return rate(name)
 
 
 def symbols() -> ModuleType:

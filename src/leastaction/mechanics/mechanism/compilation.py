@@ -12,6 +12,7 @@ from leastaction import _core
 from leastaction.errors import DescriptionError, closest
 from leastaction.mechanics.description.tree import Tree
 from leastaction.mechanics.elements import Compiler, Context, Element, Parts, Potential
+from leastaction.mechanics.mechanism.shared import checked_groups
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,8 @@ class Plan:
         Names in the order of every array.
     numbers : dict of str to float
         Values of parameters that have been changed and are no field of their element.
+    shared : dict of str to tuple of str
+        Parameters that stand for several, which have one value.
     """
 
     tree: Tree
@@ -37,6 +40,7 @@ class Plan:
     inputs: tuple[str, ...]
     constraints: tuple[str, ...]
     numbers: dict[str, float] = field(default_factory=dict)
+    shared: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def with_numbers(self, tree: Tree, numbers: Mapping[str, float], owners: Mapping[str, tuple[str, str]]) -> Plan:
         """Return the plan with another tree of the same frames, and elements with other numbers.
@@ -108,13 +112,14 @@ def plan(
     kinematic: Sequence[str] | None = None,
     inputs: Sequence[str] | None = None,
     numbers: Mapping[str, float] | None = None,
+    shared: Mapping[str, Sequence[str]] | None = None,
 ) -> Plan:
     """Check a description and settle the order of its names.
 
     ``tree``: the flattened frames. ``elements``: what acts on them. ``dynamic``, ``kinematic``, ``inputs``: the order
     of the names; as first met in the tree, then in the elements, if not given. ``numbers``: values of parameters that
-    are no field of their element, other than it gave them. Raises `DescriptionError` for anything that does not fit;
-    see `Mechanism`.
+    are no field of their element, other than it gave them. ``shared``: parameters that stand for several.
+    Raises `DescriptionError` for anything that does not fit; see `Mechanism`.
     """
     if isinstance(elements, Element):
         raise DescriptionError(f"elements: expected a list, got {elements!r} alone; write [...]")
@@ -138,6 +143,7 @@ def plan(
         inputs=_ordered(inputs, dict.fromkeys(name for use in uses for name in use.inputs), "inputs", "inputs"),
         constraints=tuple(name + suffix for name, element in named.items() for suffix in element.equations),
         numbers=dict(numbers or {}),
+        shared=checked_groups({} if shared is None else shared),
     )
     for rotation in tree.rotations:
         first = result.dynamic.index(rotation.variables[0])

@@ -11,7 +11,7 @@ from leastaction.mechanics.mechanism.compilation import Plan
 
 def same(first: Plan, second: Plan) -> bool:
     """Return whether two mechanisms are the same in all that is written of them, however that was said."""
-    names = ("dynamic", "kinematic", "inputs", "constraints", "numbers")
+    names = ("dynamic", "kinematic", "inputs", "constraints", "numbers", "shared")
     return (
         all(getattr(first, each) == getattr(second, each) for each in names)
         and list(first.elements.items()) == list(second.elements.items())

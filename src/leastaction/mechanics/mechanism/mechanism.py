@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, final
@@ -33,6 +33,7 @@ from leastaction.mechanics.mechanism.parameters import (
     parameter_places,
     parameter_value,
 )
+from leastaction.mechanics.mechanism.shared import check_values, joined, members_of, spread
 from leastaction.mechanics.mechanism.view import tree_view
 from leastaction.mechanics.mechanism.view_html import html_view
 from leastaction.numerics.arrays import Array, as_number, require_mapping
@@ -57,6 +58,9 @@ class Mechanism(Compiled):
         Gravity, forces, constraints.
     dynamic, kinematic, inputs : sequence of str, optional
         Order of the names in every array. By default the order in which the tree, then the elements meet them.
+    shared : mapping of str to sequence of str, optional
+        Parameters that stand for several: ``{"k": ["left.stiffness", "right.stiffness"]}``. In `parameters` there is
+        ``"k"`` in their place, which `with_parameters` changes, and by which steps are differentiated.
 
     Attributes
     ----------
@@ -96,8 +100,10 @@ class Mechanism(Compiled):
         dynamic: Sequence[str] | None = None,
         kinematic: Sequence[str] | None = None,
         inputs: Sequence[str] | None = None,
+        shared: Mapping[str, Sequence[str]] | None = None,
     ) -> None:
-        self._compile(plan(flatten(description), elements, dynamic=dynamic, kinematic=kinematic, inputs=inputs))
+        tree = flatten(description)
+        self._compile(plan(tree, elements, dynamic=dynamic, kinematic=kinematic, inputs=inputs, shared=shared))
 
     @classmethod
     def _of(cls, settled: Plan, *, like: _core.Mechanism | None = None) -> Mechanism:
@@ -138,6 +144,7 @@ class Mechanism(Compiled):
         vars(self).update(fields)
         if like is None:
             check_names(self.tree, context.parameters)
+            check_values(settled.shared, self._each_parameter())
             check_masses(self.tree, settled.rotors, self.variables, self.core)
 
     # Names
@@ -229,6 +236,7 @@ class Mechanism(Compiled):
                 kinematic=[*self.kinematic, *(name for name in tree.kinematic if name not in self.kinematic)],
                 inputs=self.inputs,
                 numbers=self._plan.numbers,
+                shared=self.shared,
             )
         )
 
@@ -255,6 +263,7 @@ class Mechanism(Compiled):
                 kinematic=[*self.kinematic, *dict.fromkeys(new)],
                 inputs=[*self.inputs, *dict.fromkeys(added)],
                 numbers=self._plan.numbers,
+                shared=self.shared,
             )
         )
 
@@ -282,6 +291,7 @@ class Mechanism(Compiled):
         kinematic = [name for name in self.kinematic if name in self.tree.kinematic or name in used]
         inputs = [name for each in flat for name in each.uses.inputs]
         gone = tuple(f"{name}." for name in elements)
+        left = {name: [n for n in members if not n.startswith(gone)] for name, members in self.shared.items()}
         return self._of(
             plan(
                 self.tree,
@@ -290,6 +300,7 @@ class Mechanism(Compiled):
                 kinematic=kinematic,
                 inputs=list(dict.fromkeys([*(n for n in self.inputs if n in inputs), *inputs])),
                 numbers={n: value for n, value in self._plan.numbers.items() if not n.startswith(gone)},
+                shared={name: kept for name, kept in left.items() if kept},
             )
         )
 
@@ -303,15 +314,39 @@ class Mechanism(Compiled):
         than one plain variable the factors and the offset, of screws the pitch (m/rad); of elements their numbers, in
         the units of each.
         """
+        return joined(self.shared, self._each_parameter())
+
+    def _each_parameter(self) -> dict[str, float]:
         numbers = self.core.numbers
         return {
             name: parameter_value(self.tree, place, numbers)
             for name, place in parameter_places(self.tree, self._slots).items()
         }
 
+    @property
+    def shared(self) -> dict[str, tuple[str, ...]]:
+        """What each parameter that stands for several stands for, by its name (a copy)."""
+        return dict(self._plan.shared)
+
     def parameter_places(self, names: Sequence[str]) -> dict[str, Place]:
-        """Return where some named parameters are; raise an `ArgumentError` for a name that is none."""
+        """Return where some named parameters are; raise an `ArgumentError` for a name that is none.
+
+        Of one that is shared, those that it stands for are to be named (see `members_of`).
+        """
         return find(self.tree, self._slots, names)
+
+    def members_of(self, names: Sequence[str]) -> tuple[list[str], Array]:
+        """Return what some parameters stand for, and sums over that: (members, names) of ones and zeros.
+
+        Each stands for itself, unless it is `shared`: a derivative by one is the sum of those by its members.
+        """
+        if isinstance(names, str) or not isinstance(names, Iterable):
+            self.parameter_places(names)  # says what is wrong
+        names = list(names)
+        if not self._plan.shared:
+            return names, np.eye(len(names))
+        find(self.tree, {**self._slots, **dict.fromkeys(self._plan.shared, 0)}, names)
+        return members_of(self._plan.shared, names)
 
     def with_parameters(self, values: Mapping[str, float], *, allow_nonphysical: bool = False) -> Mechanism:
         """Return the same mechanism with other numbers; its structure is shared, not compiled again.
@@ -333,7 +368,7 @@ class Mechanism(Compiled):
             For a mass, an inertia or a coefficient that cannot be, or where a dynamic variable is left
             without a mass to move.
         """
-        numbers = checked(values)
+        numbers = spread(self._plan.shared, checked(values))
         places = self.parameter_places(list(numbers))
         slots = self.slots_of_elements(list(numbers))
         if slots is not None:
@@ -347,7 +382,10 @@ class Mechanism(Compiled):
         return result
 
     def slots_of_elements(self, names: Sequence[str]) -> list[int] | None:
-        """Return where the core has parameters that are numbers of elements; None if one is none, or gravity's."""
+        """Return where the core has parameters that are numbers of elements; None if one is none, or gravity's.
+
+        Of one that is shared, those that it stands for are to be named (see `members_of`).
+        """
         places = self.parameter_places(list(names)).values()
         slots = [place.slot for place in places if isinstance(place, ElementNumber)]
         gravity = self.core.gravity_slot
@@ -369,7 +407,8 @@ class Mechanism(Compiled):
         A derivative by a length is one by a prescribed variable that does not move; what a number of a joint changes is
         a prescribed motion, zero where the number has its value.
         """
-        return self._of(replace(self._plan, tree=freed(self.tree, lengths), kinematic=(*self.kinematic, *lengths)))
+        kinematic = (*self.kinematic, *lengths)
+        return self._of(replace(self._plan, tree=freed(self.tree, lengths), kinematic=kinematic, shared={}))
 
     # What it may be asked: functions, each explained where it stands
 

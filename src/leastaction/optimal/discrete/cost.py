@@ -103,6 +103,13 @@ class Cost(ABC):
         """The motion (N+1, nx) that it asks for, if there is one: `optimize` may look for gaps to close from there."""
         return None
 
+    def misfit(self, x: Array) -> float | None:  # noqa: ARG002
+        """Return by how much states (N+1, nx) miss what is wanted, where weights are one over the variances of noise.
+
+        Its root mean square, in standard deviations; None of a cost that says nothing of it, as here.
+        """
+        return None
+
     def eased(self, ease: float) -> tuple[Cost, Array] | None:  # noqa: ARG002
         """Return a cost that is easier to begin with, and the inputs (N, nu) that cost least; None if there is none.
 
@@ -279,6 +286,16 @@ class QuadraticCost(Cost):
     @property
     def wanted_states(self) -> Array | None:
         return self.x_wanted if self._steps else None
+
+    def misfit(self, x: Array) -> float | None:
+        if type(self) is not QuadraticCost:
+            return None
+        missed = self._off(x, self.x_wanted)
+        total = np.sum(missed[:-1] * weigh(self.Q, missed[:-1])) + np.sum(
+            missed[-1:] * weigh(self.Q_final, missed[-1:])
+        )
+        count = np.count_nonzero(weigh(self.Q, np.ones_like(missed[:-1])))
+        return float(np.sqrt(total / count)) if count else None
 
     def eased(self, ease: float) -> tuple[Cost, Array] | None:
         """Return the cost with R times `ease` and Q_final over its root, and the wanted inputs; see `Cost`."""

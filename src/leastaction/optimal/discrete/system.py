@@ -383,7 +383,7 @@ OVER_STEPS = frozenset(
         "f", "derivatives", "curvature", "rollout", "step_each", "linearize", "linearize_each", "curvatures",
         "linearize_by", "differentiate_by", "curvature_by_parameters", "curvature_by_final_time", "window", "when",
         "time", "times", "span", "instant", "quantity", "parameters", "with_parameters", "with_parameters_near",
-        "resolved_rates", "told", "motion", "dataset",
+        "resolved_rates", "told", "motion", "doubts", "dataset",
     }
 )  # fmt: skip
 """What a system is asked of its steps and instants: a system around another one has others, and answers itself."""

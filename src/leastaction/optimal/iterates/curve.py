@@ -33,8 +33,10 @@ from leastaction.optimal.loop import along_parabola
 from leastaction.optimal.memory import Gaps
 from leastaction.optimal.space import apart, moved_by
 
-Gapped = Literal["never", "where needed", "at once"]
-"""When steps may have gaps: never; where the start cannot be projected, or a way begins with them; from the start."""
+Gapped = Literal["never", "where needed", "where left", "at once"]
+"""When steps may have gaps: never; where the start cannot be projected, or a way begins with them; where its projection
+leaves it, too; from the start.
+"""
 
 LONGEST_WITH_GAPS = 300  # iterations with gaps at the most
 _CLOSED = 1e-6  # gap, in parts of the states' sizes, below which it is closed after a full step

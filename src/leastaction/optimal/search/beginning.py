@@ -21,8 +21,10 @@ from leastaction.optimal.line_search import Refusal
 from leastaction.optimal.memory import Memory, Place, Start
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.search.parts import SearchParts
+from leastaction.optimal.space import apart, sizes_of
 
 _LOST = 10.0  # factor in cost by which a projection has lost a curve
+_LEFT_BEHIND = 0.1  # distance, in parts of the states' sizes, by which a projection has left a curve
 _AHEAD = 5  # iterations without obstacles, after which it is seen whether they stand in the way
 _LONGEST_INSTEAD = 100  # iterations with gaps that take the place of a search that was stuck
 
@@ -105,12 +107,13 @@ class Beginning:
         begun = self.begun
         begun.given = Start(x, u)
         failure: ProjectionError | None = None
-        if self.gapped == "where needed":
+        if self.gapped != "at once":
             try:
                 self.parts.stand_at(x, u)
-                lost = x.ndim == 2 and self.parts.here.value > _LOST * self.parts.plain.cost.value(x, u)
-                begun.given = replace(begun.given, is_lost=lost)
-                return
+                if not (self.gapped == "where left" and self._has_left(x)):
+                    lost = x.ndim == 2 and self.parts.here.value > _LOST * self.parts.plain.cost.value(x, u)
+                    begun.given = replace(begun.given, is_lost=lost)
+                    return
             except ProjectionError as error:
                 failure = error
             self.parts.models.forget()
@@ -122,6 +125,13 @@ class Beginning:
             self.parts.stand_at(x, u)
         elif failure is not None:
             self.note = f"begins with gaps between its steps, as a projection is not possible ({failure})"
+
+    def _has_left(self, x: Array) -> bool:
+        """Whether the projection of a start has left the curve that it is."""
+        space = self.parts.models.space
+        if x.ndim == 1:
+            return False
+        return bool((np.abs(apart(space, self.parts.x, x)).max(axis=0) > _LEFT_BEHIND * sizes_of(space, x)).any())
 
     def resume(self, result: OptimizationResult) -> None:
         """Begin where an earlier run ended."""

@@ -46,7 +46,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         Of limits.
     free_start : bool or sequence of str
         Whether the initial state is found too, or which of its entries.
-    gapped : {"never", "where needed", "at once"}
+    gapped : {"never", "where needed", "where left", "at once"}
         When steps may have gaps.
     final_time : int, optional
         The place in the state of the time (s) at which the motion ends, if that is found too. The motion may then be

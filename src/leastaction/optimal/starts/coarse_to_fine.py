@@ -18,7 +18,7 @@ from leastaction.optimal.discrete.charts import states_between
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.initial import pair_of
-from leastaction.optimal.optimization import optimize
+from leastaction.optimal.optimizer import optimized
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.space import StateSpace
 from leastaction.optimal.starts.stages import StageCallback, StartResult, StartStages, StartStatus, check_options
@@ -194,7 +194,7 @@ def _on(x: Array, u: Array, t: Array, at: npt.NDArray[np.int64]) -> tuple[Array,
 def _solve(
     system: DiscreteSystem, cost: Cost, begin: Callable[[], tuple[Array, Array]], options: dict[str, Any]
 ) -> OptimizationResult:
-    return optimize(system, cost, initial=begin(), **options)
+    return optimized(system, cost, initial=begin(), **options)
 
 
 def _built(build: Callable[[Array], Any], t: Array) -> tuple[DiscreteSystem, Cost]:

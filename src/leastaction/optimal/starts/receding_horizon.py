@@ -15,7 +15,7 @@ from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem, given_start
 from leastaction.optimal.limits.limit import FromSecond, Limit
-from leastaction.optimal.optimization import optimize
+from leastaction.optimal.optimizer import optimized
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.starts.stages import StageCallback, StartResult, StartStages, StartStatus, check_options
 from leastaction.optimal.system import check_system
@@ -125,12 +125,12 @@ def receding_horizon(
         if not follows and planned < stop:
             states[planned - start + 1 :] = x[planned]
         if not follows and planned == start:
-            return optimize(part, weights, initial=(x[start], u[start:stop]), **options)
+            return optimized(part, weights, initial=(x[start], u[start:stop]), **options)
         try:
-            return optimize(part, weights, initial=(states, u[start:stop]), **options)
+            return optimized(part, weights, initial=(states, u[start:stop]), **options)
         except LeastActionError:
             # What the plan and its continuation cannot do, the inputs alone may.
-            return optimize(part, weights, initial=(x[start], u[start:stop]), **options)
+            return optimized(part, weights, initial=(x[start], u[start:stop]), **options)
 
     status, detail = StartStatus.COMPLETED, ""
     while k < N:

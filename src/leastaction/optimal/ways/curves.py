@@ -11,6 +11,7 @@ from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Samples
+from leastaction.optimal.space import apart, moved_by, sizes_of
 
 _ROUNDS = 3  # of Gauss-Newton's method, for what is nearly linear
 
@@ -20,14 +21,15 @@ def needed_inputs(system: DiscreteSystem, x: Array, u: Array) -> Array:
 
     Of all such inputs those that are nearest to u; u itself where a step cannot be made.
     """
-    size = 1.0 + np.abs(x).max(axis=0)
+    space = system.charts()
+    size = sizes_of(space, x)
     best, least = u, np.inf
     for _ in range(_ROUNDS):
         try:
             made = system.step_each(x, u)
             if not made.complete:
                 break
-            missed = system.difference(x[1:], made.x) / size
+            missed = apart(space, x[1:], made.x) / size
             off = float(np.sum(missed**2))
             if not off < least:
                 break
@@ -39,11 +41,12 @@ def needed_inputs(system: DiscreteSystem, x: Array, u: Array) -> Array:
     return read_only(best)
 
 
-def line_to(x: Array, wanted: Array | None, rows: Sequence[Rows], N: int) -> Array:
+def line_to(system: DiscreteSystem, x: Array, wanted: Array | None, rows: Sequence[Rows]) -> Array:
     """Return the straight line (N+1, nx) from a state to the one that is asked for at the end.
 
     That is the wanted one, if there is one, moved as little as equations of the last state need.
     """
+    N, ndx, space = system.N, system.ndx, system.charts()
     last = np.array(x if wanted is None else wanted)
     equations = [each for each in rows if each.equal and each.sign > 0.0 and each.quantity.of_state and N in each.k]
     for _ in range(_ROUNDS if equations else 0):
@@ -51,8 +54,9 @@ def line_to(x: Array, wanted: Array | None, rows: Sequence[Rows], N: int) -> Arr
         missed, slopes = [], []
         for each in equations:
             missed.append(each.bounds[each.k == N][0] - each.quantity.values(at)[0])
-            whole = np.zeros((len(missed[-1]), len(x)))
-            whole[:, each.columns(len(x), 0)] = each.quantity.jacobian(at)[0]
+            whole = np.zeros((len(missed[-1]), ndx))
+            whole[:, each.columns(ndx, 0)] = each.quantity.jacobian(at)[0]
             slopes.append(whole)
-        last = last + np.linalg.lstsq(np.concatenate(slopes), np.concatenate(missed), rcond=None)[0]
-    return read_only(x + np.linspace(0.0, 1.0, N + 1)[:, None] * (last - x))
+        last = moved_by(space, last, np.linalg.lstsq(np.concatenate(slopes), np.concatenate(missed), rcond=None)[0])
+    part = np.linspace(0.0, 1.0, N + 1)[:, None]
+    return read_only(moved_by(space, np.tile(x, (N + 1, 1)), part * apart(space, last, x)))

@@ -65,7 +65,7 @@ def _starts(problem: DiscreteProblem) -> Iterator[Start]:
     assert given is not None
     wanted = problem.parts.asked.wanted_states
     first = given.x if given.x.ndim == 1 else given.x[0]
-    line = line_to(first, None if wanted is None else wanted[-1], problem.parts.rows, system.N)
+    line = line_to(system, first, None if wanted is None else wanted[-1], problem.parts.rows)
     x = line if given.x.ndim == 1 else given.x
     yield Start(x, needed_inputs(system, x, given.u))
     yield Start(x, given.u)

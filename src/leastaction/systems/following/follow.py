@@ -28,7 +28,7 @@ from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.limits.limit import Limit
-from leastaction.optimal.optimization import optimize
+from leastaction.optimal.optimizer import optimized
 from leastaction.optimal.result import OptimizationResult
 from leastaction.systems.following.cost import following_cost
 from leastaction.systems.following.curves import held_still, through, wanted_curve, with_inputs
@@ -195,7 +195,7 @@ def follow(
     cost = following_cost(system, wanted, x, u, weights)
     if resume is not None:
         given = {"limits": limits, "max_iterations": max_iterations, "tolerance": tolerance, **options}
-        result = optimize(system, cost, resume=resume, **given)
+        result = optimized(system, cost, resume=resume, **given)
         return Followed(system=system, wanted=wanted, result=result, way="from where an earlier search was")
     starts = [(x, u), held_still(system, x)]
     if m.n_inputs:
@@ -249,7 +249,7 @@ def _cheaper(system: MidpointSystem, cost: Cost, x: Array, candidates: Sequence[
     costs = []
     for u in candidates:
         try:
-            costs.append(optimize(system, cost, initial=(x, u), max_iterations=0).cost)
+            costs.append(optimized(system, cost, initial=(x, u), max_iterations=0).cost)
         except LeastActionError:
             costs.append(np.inf)
     return candidates[int(np.argmin(costs))]

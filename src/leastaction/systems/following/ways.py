@@ -9,7 +9,7 @@ from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.limits.limit import Limit, checked_limits
-from leastaction.optimal.optimization import optimize
+from leastaction.optimal.optimizer import optimized
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.unknowns.periodic import Periodic
 from leastaction.systems.embedding import embed
@@ -94,7 +94,7 @@ class Ways:
                 result, anew = begin(most), True
             elif earlier.status is Status.ITERATION_LIMIT:
                 limits, left = self.limits, most - earlier.iterations
-                result = optimize(
+                result = optimized(
                     self.system, self.cost, resume=earlier, limits=limits, max_iterations=left, **self.options
                 )
             else:
@@ -108,14 +108,14 @@ class Ways:
         return result.success or result.status in _ENDED
 
     def _optimize(self, start: Start, most: int) -> OptimizationResult:
-        return optimize(self.system, self.cost, initial=start, limits=self.limits, max_iterations=most, **self.options)
+        return optimized(self.system, self.cost, initial=start, limits=self.limits, max_iterations=most, **self.options)
 
     def _without_limits(self, most: int) -> OptimizationResult:
         """Look for a motion from the cheaper of those that are found without limits."""
         if not self.free:
             self.free = [self._freely(most, initial=start) for start in self.starts]
         best = min(self.free, key=rank)
-        return optimize(self.system, self.cost, initial=best, limits=self.limits, max_iterations=most, **self.options)
+        return optimized(self.system, self.cost, initial=best, limits=self.limits, max_iterations=most, **self.options)
 
     def _goes_on_freely(self, most: int) -> bool:
         """Go on without limits where that had not arrived; return whether it has now.
@@ -130,7 +130,7 @@ class Ways:
         return best.success and not any(best is each for each in before)
 
     def _freely(self, most: int, **begin: Any) -> OptimizationResult:
-        return optimize(self.system, self.cost, max_iterations=most, **begin, **self.options)
+        return optimized(self.system, self.cost, max_iterations=most, **begin, **self.options)
 
     def _with_help(self, most: int) -> OptimizationResult:
         start, options = self.starts[0], self.options

@@ -31,7 +31,9 @@ def conditions_of(m: Mechanism, names: Sequence[str]) -> list[Quantity]:
         Where no other values than those that a body has are possible.
     """
     known = {name: i for i, name in enumerate(names) if name != FINAL_TIME}
-    places = {known[name]: place for name, place in m.parameter_places(list(known)).items()}
+    # Of numbers that several share, what the first of them has to keep to.
+    first = [m.members_of([name])[0][0] for name in known]
+    places = dict(zip(known.values(), m.parameter_places(first).values(), strict=True))
     conditions: list[Quantity] = []
     signed = [i for i, place in places.items() if _has_a_sign(m, names[i], place)]
     if signed:

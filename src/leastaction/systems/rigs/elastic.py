@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
-from leastaction.optimal import QuadraticCost, Status, optimize
+from leastaction.optimal import QuadraticCost, Status
+from leastaction.optimal.optimizer import optimized
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.rigs.pushing import Pushing, PushingCost
 from leastaction.systems.rigs.strings import Strings, as_springs
@@ -56,7 +57,7 @@ def nearest(
             room[:, i] = -least[name]
     cost = PushingCost(QuadraticCost(x, u, Q=Q, R=R), springs, Pushing(strings, room, _PUSHING))
     try:
-        found = optimize(
+        found = optimized(
             springs, cost, initial=(x, u), shooting="multiple", max_iterations=_ITERATIONS, tolerance=_ROUGHLY
         )
     except LeastActionError:

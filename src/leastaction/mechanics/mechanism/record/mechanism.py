@@ -29,6 +29,7 @@ class MechanismBase(Strict, kw_only=True):
     kinematic: list[str] | UnsetType = UNSET
     inputs: list[str] | UnsetType = UNSET
     numbers: dict[str, float] | UnsetType = UNSET
+    shared: dict[str, list[str]] | UnsetType = UNSET
 
 
 @cache
@@ -62,6 +63,8 @@ def plan_data(settled: Plan) -> dict[str, Any]:
             data[kind] = list(getattr(settled, kind))
     if settled.numbers:
         data["numbers"] = dict(settled.numbers)
+    if settled.shared:
+        data["shared"] = {name: list(members) for name, members in settled.shared.items()}
     return data
 
 

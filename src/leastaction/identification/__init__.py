@@ -1,0 +1,23 @@
+"""Identification: parameters of a mechanism from noisy measurements, with standard errors."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from leastaction._names import lazily
+
+if TYPE_CHECKING:
+    from leastaction.identification.experiment import Experiment
+    from leastaction.identification.identify import identify
+    from leastaction.identification.result import Identification
+else:
+    __getattr__, __dir__ = lazily(
+        __name__,
+        {
+            "leastaction.identification.experiment": "Experiment",
+            "leastaction.identification.identify": "identify",
+            "leastaction.identification.result": "Identification",
+        },
+    )
+
+__all__ = ["Experiment", "Identification", "identify"]

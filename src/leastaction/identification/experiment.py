@@ -1,0 +1,164 @@
+"""What was measured of a motion, and what drove it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leastaction.errors import ArgumentError, unknown
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array, as_array, as_flag, as_number, as_times, read_only
+from leastaction.numerics.frozen import Frozen
+from leastaction.numerics.names import matching
+
+_RATE = "rate of "
+
+Signal = ArrayLike | Callable[[float], float]
+"""A number, values over time, or a function of the time (s)."""
+
+
+@dataclass(frozen=True)
+class Experiment(Frozen):
+    """One motion that was measured. Frozen: threads may share it.
+
+    Parameters
+    ----------
+    t : array_like (N+1,)
+        Instants of the measurements (s).
+    measured : mapping of str to array_like
+        By name: a variable (N+1,); ``"rate of elbow"``, the mean rate of a variable over each interval, (N,); or a
+        frame, the place of its origin in the world, (N+1, 3). NaN where nothing was measured.
+    sigma : float or mapping of str to float, optional
+        Standard deviation of the noise, of all or by name with wildcards, in the units of what is measured. Left out it
+        is taken from the residuals, for all that is measured alike.
+    inputs : mapping of str to number, array_like or callable, optional
+        Forces, held over each interval (N,), and prescribed variables, at the instants (N+1,), linear between them.
+        What is left out is zero.
+    start : (q, v), optional
+        Configuration and velocity (nq,) to begin with, or a guess of them; q alone begins at rest. From what is
+        measured first, if left out.
+    free_start : bool
+        Whether the start is found too.
+    name : str
+        What messages and plots call it.
+
+    Raises
+    ------
+    ArgumentError
+        Nothing measured, times that do not increase, a deviation that is not positive.
+    """
+
+    t: Array
+    measured: Mapping[str, Any]
+    sigma: float | Mapping[str, float] | None = None
+    inputs: Mapping[str, Signal] = field(default_factory=dict, kw_only=True)
+    start: Any = field(default=None, kw_only=True)
+    free_start: bool = field(default=True, kw_only=True)
+    name: str = field(default="", kw_only=True)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "t", read_only(as_times(self.t)))
+        for what in ("measured", "inputs"):
+            if not isinstance(getattr(self, what), Mapping):
+                got = type(getattr(self, what)).__name__
+                raise ArgumentError(f"{what}: got {got}, expected values by name, such as {{'elbow': angles}}")
+        if not self.measured:
+            raise ArgumentError("measured: got nothing, expected values by name, such as {'elbow': angles}")
+        as_flag(self.free_start, "free_start")
+        sigma = self.sigma
+        for name, value in sigma.items() if isinstance(sigma, Mapping) else () if sigma is None else [("", sigma)]:
+            as_number(value, f"sigma[{name!r}]" if name else "sigma", above=0.0)
+        super().__post_init__()
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """One thing that was measured: values (n, m) with NaN in the gaps, over a deviation.
+
+    ``kind``: "variable", "rate" or "frame". ``at``: the variable, or the frame, in the mechanism's order or by name.
+    """
+
+    name: str
+    kind: str
+    at: Any
+    values: Array
+    sigma: float
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What each column is."""
+        return tuple(f"{self.name}.{axis}" for axis in "xyz") if self.kind == "frame" else (self.name,)
+
+
+def channels(experiment: Experiment, m: Mechanism) -> list[Channel]:
+    """Return what was measured of a mechanism, checked."""
+    N, found = len(experiment.t) - 1, []
+    for name, given in experiment.measured.items():
+        bare = name.removeprefix(_RATE)
+        at: Any = name
+        shape: tuple[int, ...] = (N + 1,)
+        if bare in m.variables:
+            kind, at = "variable" if bare == name else "rate", m.variables.index(bare)
+            shape = (N + (bare == name),)
+        elif name in m.tree.index:
+            kind, shape = "frame", (N + 1, 3)
+        else:
+            known = [*m.variables, *(_RATE + each for each in m.variables), *m.tree.index]
+            raise unknown("variable or frame", name, known, "measured")
+        gaps = np.isnan(_numbers(given, name))
+        values = np.where(gaps, np.nan, as_array(np.where(gaps, 0.0, given), f"measured[{name!r}]", shape))
+        if gaps.all():
+            raise ArgumentError(f"measured[{name!r}]: got nothing but NaN, expected some numbers")
+        found.append(Channel(name, kind, at, values.reshape(len(values), -1), _sigma_of(experiment.sigma, name)))
+    given_sigma = experiment.sigma
+    if isinstance(given_sigma, Mapping):
+        for pattern in given_sigma:
+            if not matching(list(experiment.measured), pattern):
+                raise unknown("measured name", pattern, list(experiment.measured), "sigma")
+    return found
+
+
+def _numbers(given: Any, name: str) -> Array:
+    try:
+        return np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ArgumentError(f"measured[{name!r}]: got {type(given).__name__}, expected numbers") from None
+
+
+def _sigma_of(sigma: float | Mapping[str, float] | None, name: str) -> float:
+    if not isinstance(sigma, Mapping):
+        return 1.0 if sigma is None else float(sigma)
+    for pattern, value in sigma.items():
+        if matching([name], pattern):
+            return float(value)
+    raise ArgumentError(f"sigma: got none for {name!r}, expected one for each that is measured")
+
+
+def drive(experiment: Experiment, m: Mechanism, t: Array, substeps: int) -> tuple[Array, Array]:
+    """Return inputs (n, nu) over the steps between instants t (n+1,), and prescribed variables (n+1, nrho)."""
+    N = len(experiment.t) - 1
+    for name in experiment.inputs:
+        if name not in m.inputs and name not in m.kinematic:
+            raise unknown("input or prescribed variable", name, [*m.inputs, *m.kinematic], "inputs")
+    forces, middle = np.zeros((len(t) - 1, m.n_inputs)), 0.5 * (t[1:] + t[:-1])
+    for j, name in enumerate(m.inputs):
+        given: Any = experiment.inputs.get(name, 0.0)
+        if callable(given):
+            forces[:, j] = [as_number(given(float(at)), f"inputs[{name!r}]") for at in middle]
+        else:
+            held = given if np.ndim(given) else np.full(N, given)
+            forces[:, j] = np.repeat(as_array(held, f"inputs[{name!r}]", (N,), meaning="(N,)"), substeps)
+    rho = np.zeros((len(t), m.nrho))
+    for j, name in enumerate(m.kinematic):
+        given = experiment.inputs.get(name, 0.0)
+        if callable(given):
+            rho[:, j] = [as_number(given(float(at)), f"inputs[{name!r}]") for at in t]
+        else:
+            at_samples = given if np.ndim(given) else np.full(N + 1, given)
+            values = as_array(at_samples, f"inputs[{name!r}]", (N + 1,), meaning="(N+1,)")
+            rho[:, j] = np.interp(t, experiment.t, values)
+    return np.hstack([forces, rho[1:]]), rho
