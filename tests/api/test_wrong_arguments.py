@@ -45,6 +45,7 @@ RETURNED = {
 }  # fmt: skip
 # What the applications use that are built on the package.
 OF_APPLICATIONS = {
+    "configuration_by",
     "PricedLimit", "Provenance", "axis_rotation", "check_result", "count_steps", "linearize_along_curve", "new_figure",
     "panel_grid", "styled", "tension_panel",
 }  # fmt: skip

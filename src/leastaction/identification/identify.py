@@ -9,7 +9,6 @@ grows, each part begins with what the last one found.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -22,6 +21,7 @@ from leastaction.identification.result import Identification, Residuals, doubts_
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_count, as_number, read_only, require_instance
+from leastaction.numerics.warn import warn
 from leastaction.optimal.unknowns.unknown import Parameter
 
 _HORIZONS = (0.125, 0.25, 0.5, 1.0)
@@ -119,7 +119,7 @@ def identify(
         search.fit(part)
     found = search.result(integrator, tuple(taken))
     for doubt in found.doubts:
-        warnings.warn(doubt, ResidualWarning, stacklevel=2)
+        warn(doubt, ResidualWarning)
     return found
 
 

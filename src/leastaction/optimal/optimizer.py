@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
@@ -251,7 +250,7 @@ class Optimizer:
             return result
         doubts = [*([] if result.system is None else result.system.doubts(result)), *self._of_fit(result)]
         for doubt in doubts if warn else ():
-            warnings.warn(doubt, stacklevel=4)
+            warn(doubt)
         said = [result.message, *(f"But {doubt}." for doubt in doubts)]
         return changed(result, message=" ".join(said)) if doubts else result
 

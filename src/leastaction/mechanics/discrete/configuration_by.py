@@ -13,8 +13,10 @@ from leastaction.mechanics.discrete.sensitivity import start_by
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, require_instance
 from leastaction.numerics.names import as_names
+from leastaction.numerics.public import public
 
 
+@public
 def configuration_by(mechanism: Mechanism, q: ArrayLike, names: Sequence[str], *, hold: Sequence[str] = ()) -> Array:
     """Return the derivatives (nq, len(names)) of an assembled configuration by parameters.
 
