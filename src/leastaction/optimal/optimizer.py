@@ -250,7 +250,7 @@ class Optimizer:
             return result
         doubts = [*([] if result.system is None else result.system.doubts(result)), *self._of_fit(result)]
         for doubt in doubts if warn else ():
-            warn(doubt)
+            warn_of(doubt)
         said = [result.message, *(f"But {doubt}." for doubt in doubts)]
         return changed(result, message=" ".join(said)) if doubts else result
 
