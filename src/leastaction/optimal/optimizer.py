@@ -17,6 +17,7 @@ from leastaction.numerics.arrays import as_array, as_count, read_only, require_i
 from leastaction.numerics.frozen import changed
 from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.numerics.public import public
+from leastaction.numerics.warn import warn as warn_of
 from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.collocation.problem import Collocation
 from leastaction.optimal.continuous.cost import ContinuousCost
