@@ -154,7 +154,7 @@ def _compose(
     kinematic: bool | Sequence[str],
     options: FrameOptions,
 ) -> Composition:
-    quaternion = isinstance(axes, str) and axes == QUATERNION and turns == 3
+    quaternion = str(axes) == QUATERNION and turns == 3
     if quaternion and not (isinstance(variables, str) and kinematic is False):
         raise DescriptionError(
             f"{kind}: with axes={QUATERNION!r} expected the name of a joint that is not kinematic, got {variables!r} "
