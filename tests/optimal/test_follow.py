@@ -297,7 +297,7 @@ def test_keyframes_of_a_closed_linkage() -> None:
 
 
 def test_what_is_wrong_with_limits_is_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("leastaction.systems.following.ways.optimize", None)  # it is not even tried
+    monkeypatch.setattr("leastaction.systems.following.ways.optimized", None)  # it is not even tried
     with pytest.raises(ArgumentError, match=r"^follow: Bound\('turm'\): unknown name 'turm'"):
         follow(ARM, {"hand": CIRCLE}, t=T, limits=[Bound("turm", -1.0, 1.0)])
 
@@ -325,7 +325,7 @@ def test_what_had_not_arrived_without_limits_goes_on_before_its_limits_are_given
             return replace(plain, status=Status.CONVERGED, cost=2.0)
         return replace(plain, status=Status.LINE_SEARCH_FAILED, cost=3.0)
 
-    monkeypatch.setattr("leastaction.systems.following.ways.optimize", scripted)
+    monkeypatch.setattr("leastaction.systems.following.ways.optimized", scripted)
     ways = Ways(system, cost, [Bound("turn", -1.0, 1.0)], [start, start], {}, None)
     way, found = ways.search(1000)
     assert (way, found.cost) == ("from what is found without limits", 2.0)
