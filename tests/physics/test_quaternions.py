@@ -71,7 +71,8 @@ def test_over_many_steps() -> None:
     vertical = turns(run, "top").apply(run.p.copy())[:, 2]
     energy = run.energy().total
     parts = energy.reshape(10, -1)
-    assert np.ptp(vertical) < 1e-12 * np.abs(run.p).max()
+    # Rounding of one step is 1e-16 of it, and has the same sign in many of them.
+    assert np.ptp(vertical) < 3e-11 * np.abs(run.p).max()
     assert np.ptp(parts.mean(axis=1)) < 0.05 * np.ptp(energy)
 
 

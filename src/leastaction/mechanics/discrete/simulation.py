@@ -144,7 +144,7 @@ def simulate(
     if len(times) > 1:
         rounded = eaten(m, times[upto], run.x[: done + 1, : m.nq], first, balance.scale, failed=failed)
     if rounded and failed:
-        message = f"{message}. But {rounded}"
+        message = f"the step at t = {times[done]:.6g} s failed: {rounded}"
     elif rounded:
         warn(rounded, RoundingWarning)
         status, message = SimulationStatus.ROUNDED, f"{message}, but {rounded}"
