@@ -70,7 +70,7 @@ def test_settings(options: dict, message: str) -> None:
         ({"inputs": [1.0, 2.0]}, r"inputs: .*expected \(1,\), .*rows are of shape \(2, 1\) or \(3, 1\); .* push"),
         ({"inputs": np.zeros((4, 1))}, r"inputs: got shape \(4, 1\), expected \(3, 1\)"),
         ({"inputs": [[0.0], [np.nan]]}, r"inputs: got nan at index \(1, 0\) for 'push'"),
-        ({"inputs": lambda t: [0.0]}, r"inputs: it is called as inputs\(t, x\).*takes \(t\)"),
+        ({"inputs": lambda t, x, y: [0.0]}, r"inputs: it is called as inputs\(t\), or as .*but takes \(t, x, y\)"),
         ({"inputs": lambda t, x: [0.0, 1.0]}, r"inputs\(0, x\): got shape \(2,\), expected \(1,\)"),
         ({"inputs": lambda t, x: "push"}, r"inputs\(0, x\): got .*, expected real numbers"),
         ({"rho_a": [1.0, 2.0]}, r"rho_a: got shape .*, expected \(1,\).*holds height"),

@@ -21,6 +21,7 @@ from api.walk.values import WRONG, Call
 from leastaction.errors import ArgumentError, KeywordError, LeastActionError
 from leastaction.mechanics import check_consistent, equilibrium, project_configuration
 from leastaction.numerics.public import called_publicly
+from leastaction.optimal import optimize
 
 GROUPS = {"mechanics": of_mechanics, "optimal": of_optimal, "files": of_files, "data": of_data, "control": of_control}
 PACKAGES = (
@@ -159,3 +160,10 @@ def test_silent_wrongs_are_refused() -> None:
             project_configuration(arm(), off, max_iterations=count)
     with pytest.raises(ArgumentError, match="move_kinematic"):
         project_configuration(arm(), off, move_kinematic="yes")
+
+
+def test_too_many_arguments_by_place_name_what_goes_by_name() -> None:
+    with pytest.raises(ArgumentError, match=r"optimize: got 3 arguments by their place, .*\(system, cost\).*initial="):
+        optimize(None, None, None)  # type: ignore[misc,arg-type]
+    with pytest.raises(ArgumentError, match=r"Mechanism.frame_pose: got 3 arguments .* at most 2 \(q, frame\)"):
+        arm().frame_pose([0.3, 0.8, 0.0], "world", 1.0)  # type: ignore[call-arg]

@@ -87,7 +87,7 @@ def _around(function: Callable[..., Any], name: str) -> Callable[..., Any]:
         if sys._getframe(1).f_globals.get("__name__", "").startswith("leastaction."):
             return function(*arguments, **named)
         if seen is None:
-            seen = _Signature(function)
+            seen = _Signature(function, of_object=not name or name.startswith("."))
         try:
             if named or seen.early:
                 seen.check_early(arguments, named)
@@ -125,7 +125,8 @@ def _is_ours(traceback: TracebackType | None) -> bool:
 class _Signature:
     """The parameters of a function, with what their annotations ask for."""
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Callable[..., Any], *, of_object: bool = False) -> None:
+        self.of_object = of_object
         parameters = inspect.signature(function).parameters.values()
         plain = [p for p in parameters if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
         self.looks_at_values = not _describes(function)
@@ -135,6 +136,7 @@ class _Signature:
         early = [(i, name) for i, name in enumerate(self.positional) if self.kinds[name].early]
         self.early = early if self.looks_at_values else []
         self.flags = [name for name, kind in self.kinds.items() if kind is _SIMPLE[bool]]
+        self.takes_more = len(plain) < len(parameters) and any(p.kind == p.VAR_POSITIONAL for p in parameters)
         self.open = False
         for more in (p for p in parameters if p.kind == p.VAR_KEYWORD):
             options = resolved(more.annotation, function)
@@ -171,6 +173,14 @@ class _Signature:
 
     def explain(self, error: Exception, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> None:
         """Raise an `ArgumentError` for the argument that made a call fail, if there is one that does not fit."""
+        if len(arguments) > len(self.positional) and not self.takes_more:
+            places = self.positional[self.of_object :]
+            words = [name for name in self.keywords if name not in self.positional]
+            raise ArgumentError(
+                f"got {len(arguments) - len(self.positional) + len(places)} arguments by their place, expected at most "
+                f"{len(places)} ({', '.join(places) or 'none'}); the others go by their names: "
+                f"{', '.join(f'{word}=' for word in words) or 'there are none'}"
+            ) from error
         self.check(arguments, named)
         given = {**dict(zip(self.positional, arguments, strict=False)), **named}
         for name, value in given.items():

@@ -60,6 +60,15 @@ def test_held_inputs_jump_where_they_should(method: str) -> None:
         assert run.effort.steps < 60
 
 
+@pytest.mark.parametrize("method", ["DOP853", "Radau"])
+def test_a_function_of_time_is_one_of_time_and_state(method: str) -> None:
+    t, options = times(2.0, 20), {"method": method, "rtol": 1e-9, "atol": 1e-10}
+    of_time = done(simulate(slider(), [0.0], [0.5], t, inputs=lambda t: [2.0 * np.cos(t)], **options))
+    of_both = done(simulate(slider(), [0.0], [0.5], t, inputs=lambda t, x: [2.0 * np.cos(t) + 0.0 * x[0]], **options))
+    assert np.abs(of_time["x"] - (0.5 * t + 1.0 - np.cos(t))).max() < 1e-7
+    assert np.abs(of_time["x"] - of_both["x"]).max() < 1e-7
+
+
 def test_rows_at_the_instants_are_joined_by_lines() -> None:
     t = times(2.0, 4)
     rows = np.array([0.0, 2.0, -2.0, 1.0, 1.0])[:, None]

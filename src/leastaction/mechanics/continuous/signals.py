@@ -15,10 +15,10 @@ from leastaction.numerics.arrays import Array, as_array, as_count, as_times, sha
 from leastaction.numerics.frozen import own_arrays, restore_state, saved_state
 from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.numerics.public import public
-from leastaction.numerics.signals import StateLaw
+from leastaction.numerics.signals import StateLaw, takes_state
 from leastaction.numerics.time_functions import TimeFunction
 
-ContinuousSignal = ArrayLike | PiecewisePolynomial | StateLaw | None
+ContinuousSignal = ArrayLike | PiecewisePolynomial | Callable[[float], ArrayLike] | StateLaw | None
 """A constant, one row an instant, one row an interval, a function of time, one of time and state, or nothing."""
 
 _AGREE = 1e-6  # by how much a start may be off a prescribed motion, relative to its size (at least 1)
@@ -134,9 +134,9 @@ class InputLaw:
     """One input signal, checked, as a function of time and state.
 
     ``signal``: a constant (n,); rows (N+1, n), which are joined by straight lines; rows (N, n), each held over an
-    interval; a `PiecewisePolynomial`; a function ``(t, x)``, which may have a ``jacobian(t, x)`` of shape (n, nx); zero
-    if None. ``times`` (N+1,): the instants of the rows (s). ``names``: of the n entries. ``what``: the name of the
-    argument, for messages.
+    interval; a `PiecewisePolynomial`; a function ``(t)``; a function ``(t, x)``, which may have a ``jacobian(t, x)`` of
+    shape (n, nx); zero if None. ``times`` (N+1,): the instants of the rows (s). ``names``: of the n entries. ``what``:
+    the name of the argument, for messages.
     """
 
     def __init__(self, signal: ContinuousSignal, times: Array, names: Sequence[str], what: str) -> None:
@@ -149,8 +149,7 @@ class InputLaw:
             self.signal = TimeFunction(signal, what)
             self.signal.check(times[0], times[-1], (self.n,), what=f"({self.n},)")
         elif callable(signal):
-            _check_call(signal, what)
-            self.law = signal
+            self.law = _as_law(signal, what)
         elif signal is not None:
             self.signal = TimeFunction(self._sampled(signal, times), what)
 
@@ -269,16 +268,32 @@ def _at(part: Any, t: float) -> Array:
     return np.asarray(part(t) if callable(part) else part, dtype=np.float64)
 
 
-def _check_call(function: Callable[..., Any], what: str) -> None:
-    """Raise unless a function can be called with a time and a state."""
+class _OfTime:
+    """A function of time, called as one of time and state."""
+
+    def __init__(self, function: Callable[[float], ArrayLike]) -> None:
+        self.function = function
+
+    def __call__(self, t: float, x: Array) -> ArrayLike:  # noqa: ARG002 - the signature of every law
+        return self.function(t)
+
+    def jacobian(self, t: float, x: Array) -> Array:
+        return np.zeros((len(np.atleast_1d(self.function(t))), len(x)))
+
+
+def _as_law(function: Callable[..., Any], what: str) -> StateLaw:
+    """Return a function of time and state from one, or from one of time alone."""
     try:
         signature = inspect.signature(function)
     except (TypeError, ValueError, OverflowError):
-        return  # a function of C that does not say how it is called
-    try:
-        signature.bind(0.0, np.zeros(0))
-    except TypeError:
-        raise ArgumentError(
-            f"{what}: it is called as {what}(t, x) with the time and the state [q; rho; v; v_rho], but takes "
-            f"{signature}; give it these two arguments"
-        ) from None
+        return function  # a function of C that does not say how it is called
+    for arguments in ((0.0,), (0.0, np.zeros(0))):
+        try:
+            signature.bind(*arguments)
+        except TypeError:
+            continue
+        return function if takes_state(function) or len(arguments) == 2 else _OfTime(function)
+    raise ArgumentError(
+        f"{what}: it is called as {what}(t), or as {what}(t, x) with the time and the state [q; rho; v; v_rho], but "
+        f"takes {signature}; give it these arguments"
+    )

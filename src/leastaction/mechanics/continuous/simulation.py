@@ -79,8 +79,8 @@ def simulate(
     inputs : array_like or callable, optional
         Force inputs: a constant (n_inputs,); rows (N+1, n_inputs) at the instants, joined by straight lines; rows
         (N, n_inputs), each held from one instant to the next, at whose jumps the solver stops; a
-        `PiecewisePolynomial`, likewise; or a function ``(t, x) -> (n_inputs,)``, which may have a
-        ``jacobian(t, x) -> (n_inputs, nx)`` for implicit methods, such as `Feedback`. Zero if not given.
+        `PiecewisePolynomial`, likewise; a function ``(t) -> (n_inputs,)``; or one ``(t, x) -> (n_inputs,)``, which may
+        have a ``jacobian(t, x) -> (n_inputs, nx)`` for implicit methods, such as `Feedback`. Zero if not given.
     rho : PrescribedMotion, spline of SciPy, or array_like of shape (N+1, nrho), optional
         Motion of the kinematic variables, twice differentiable; through rows a quintic spline is laid. It is kept
         exactly.
