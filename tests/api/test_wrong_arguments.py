@@ -165,5 +165,5 @@ def test_silent_wrongs_are_refused() -> None:
 def test_too_many_arguments_by_place_name_what_goes_by_name() -> None:
     with pytest.raises(ArgumentError, match=r"optimize: got 3 arguments by their place, .*\(system, cost\).*initial="):
         optimize(None, None, None)  # type: ignore[misc,arg-type]
-    with pytest.raises(ArgumentError, match=r"Mechanism.frame_pose: got 3 arguments .* at most 2 \(q, frame\)"):
+    with pytest.raises(ArgumentError, match=r"Mechanism.frame_pose: got 3 arguments .* at most 2 \(q, name\)"):
         arm().frame_pose([0.3, 0.8, 0.0], "world", 1.0)  # type: ignore[call-arg]
