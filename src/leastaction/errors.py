@@ -11,6 +11,9 @@ import difflib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
+NOT_YET = "docs/beyond/not_yet.md says what serves until then"
+"""Where errors point that refuse what cannot be said yet."""
+
 
 class LeastActionError(Exception):
     """Base of every error that the package raises on purpose."""

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError
+from leastaction.errors import NOT_YET, ArgumentError
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.optimal.space import StateSpace
 from leastaction.optimal.system import System
@@ -62,7 +62,7 @@ def check_weight(weight: Array, what: str, *, definite: bool) -> None:
     smallest = float(spectrum.min(initial=np.inf))
     largest = float(np.abs(spectrum).max(initial=0.0))
     if smallest < (0.0 if diagonal else -1e-12 * largest) or (definite and smallest <= 0.0):
-        advice = "Give every input a weight above zero." if definite else "Weights cannot be negative."
+        advice = f"Give every input a weight above zero; {NOT_YET}." if definite else "Weights cannot be negative."
         raise ArgumentError(
             f"{what}: got a smallest eigenvalue of {smallest:.3g}, expected a positive "
             f"{'definite' if definite else 'semidefinite'} weight. {advice}"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction import _core
-from leastaction.errors import ArgumentError, unknown
+from leastaction.errors import NOT_YET, ArgumentError, unknown
 from leastaction.mechanics.description.tree import Tree
 from leastaction.mechanics.elements import Element, Parts
 from leastaction.numerics.arrays import Array, as_array, shape_of
@@ -96,7 +96,7 @@ def angles_only(m: Compiled, what: str) -> None:
     if m.tree.rotations:
         raise ArgumentError(
             f"{what}: not yet for a mechanism in which a rotation is a quaternion, as that of "
-            f"{m.tree.rotations[0].name!r}; give the joint angles, axes='xyz'"
+            f"{m.tree.rotations[0].name!r}; give the joint angles, axes='xyz'; {NOT_YET}"
         )
 
 
