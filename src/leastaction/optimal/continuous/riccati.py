@@ -299,8 +299,8 @@ def _without_minimum(
     nothing = np.full(nu * nx + nu, np.nan)
     value = np.full(nx * (nx + 1) // 2 + nx, np.nan)
     return ContinuousLinearQuadraticSolution(
-        feedback=PiecewisePolynomial.constant(nothing, t0, tf),
-        value=PiecewisePolynomial.constant(value, t0, tf),
+        feedback=PiecewisePolynomial(np.array([t0, tf]), nothing.reshape(1, 1, -1), nothing.shape),
+        value=PiecewisePolynomial(np.array([t0, tf]), value.reshape(1, 1, -1), value.shape),
         nx=nx,
         nu=nu,
         constant=np.nan,

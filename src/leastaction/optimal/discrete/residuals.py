@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_choice, read_only
+from leastaction.numerics.calls import called
 from leastaction.numerics.differences import central_differences, complex_step
 from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost, CostGradient
@@ -47,9 +47,6 @@ class GaussNewton(Cost):
         *,
         derivatives: str = "complex-step",
     ) -> None:
-        for what, function in (("residual", residual), ("final", final)):
-            if function is not None and not callable(function):
-                raise ArgumentError(f"{what}: got {type(function).__name__}, expected a function that returns an array")
         as_choice(derivatives, "derivatives", ("complex-step", "finite-differences"))
         self.residual, self.final, self.derivatives = residual, final, derivatives
 
@@ -82,7 +79,8 @@ class GaussNewton(Cost):
         return self.hessian(x, u)
 
     def _residual(self, x: Array, u: Array, k: int) -> Array:
-        return as_array(self.residual(read_only(x), read_only(u), k), f"residual(x, u, {k})", (None,), meaning="(m,)")
+        found = called(self.residual, "residual", read_only(x), read_only(u), k)
+        return as_array(found, f"residual(x, u, {k})", (None,), meaning="(m,)")
 
     def _jacobian(self, x: Array, u: Array, k: int) -> Array:
         nx = len(x)
@@ -91,7 +89,7 @@ class GaussNewton(Cost):
     def _last(self, x: Array) -> Array:
         if self.final is None:
             return np.zeros(0)
-        return as_array(self.final(read_only(x)), "final(x)", (None,), meaning="(n,)")
+        return as_array(called(self.final, "final", read_only(x)), "final(x)", (None,), meaning="(n,)")
 
     def _of_last(self, x: Array) -> Array:
         return np.zeros((0, len(x))) if self.final is None else self._slopes(self.final, x)
