@@ -14,7 +14,10 @@ import pytest
 
 import leastaction
 
-LAZY = ("leastaction", "leastaction.control", "leastaction.mechanics", "leastaction.optimal", "leastaction.systems")
+LAZY = (
+    "leastaction", "leastaction.control", "leastaction.identification", "leastaction.mechanics", "leastaction.optimal",
+    "leastaction.systems",
+)  # fmt: skip
 
 
 def fresh(code: str) -> str:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from api.walk import of_control, of_data, of_files, of_mechanics, of_optimal
+from api.walk import of_control, of_data, of_files, of_identification, of_mechanics, of_optimal
 from api.walk.scenes import arm
 from api.walk.values import WRONG, Call
 from leastaction.errors import ArgumentError, KeywordError, LeastActionError
@@ -23,11 +23,14 @@ from leastaction.mechanics import check_consistent, equilibrium, project_configu
 from leastaction.numerics.public import called_publicly
 from leastaction.optimal import optimize
 
-GROUPS = {"mechanics": of_mechanics, "optimal": of_optimal, "files": of_files, "data": of_data, "control": of_control}
+GROUPS = {
+    "mechanics": of_mechanics, "optimal": of_optimal, "files": of_files, "data": of_data, "control": of_control,
+    "identification": of_identification,
+}  # fmt: skip
 PACKAGES = (
     "leastaction", "leastaction.control", "leastaction.costs", "leastaction.elements", "leastaction.expressions",
-    "leastaction.io", "leastaction.limits", "leastaction.mechanics", "leastaction.models", "leastaction.optimal",
-    "leastaction.starts", "leastaction.systems", "leastaction.viz",
+    "leastaction.identification", "leastaction.io", "leastaction.limits", "leastaction.mechanics",
+    "leastaction.models", "leastaction.optimal", "leastaction.starts", "leastaction.systems", "leastaction.viz",
 )  # fmt: skip
 _SECONDS = 5.0  # of the processor, for all wrong values of one argument
 _SAMPLE = {"files": 17}  # of so many wrong values one is tried of every argument where not all are, else of 7
@@ -46,7 +49,6 @@ RETURNED = {
 }  # fmt: skip
 # What the applications use that are built on the package.
 OF_APPLICATIONS = {
-    "configuration_by",
     "PricedLimit", "Provenance", "axis_rotation", "check_result", "count_steps", "linearize_along_curve", "new_figure",
     "panel_grid", "styled", "tension_panel",
 }  # fmt: skip

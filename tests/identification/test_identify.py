@@ -258,6 +258,7 @@ def test_an_estimate_at_its_bound_is_told() -> None:
         ({"measured": {"x": np.full(11, np.nan)}}, ["oil.x"], "nothing but NaN"),
         ({"measured": {}}, ["oil.x"], "measured: got nothing"),
         ({"sigma": -1.0}, ["oil.x"], "sigma"),
+        ({"sigma": 1e-300}, ["oil.x"], "^identify: the residuals at the start, .* a larger sigma"),
         ({"sigma": {"y": 1.0}}, ["oil.x"], "sigma: got none for 'x'"),
         ({"inputs": {"pull": 1.0}}, ["oil.x"], "unknown input or prescribed variable 'pull'"),
         ({"inputs": {"push": np.zeros(3)}}, ["oil.x"], r"inputs\['push'\]"),

@@ -8,14 +8,14 @@ from leastaction._names import lazily
 
 if TYPE_CHECKING:
     from leastaction.identification.experiment import Experiment
-    from leastaction.identification.identify import identify
+    from leastaction.identification.least_squares import identify
     from leastaction.identification.result import Identification
 else:
     __getattr__, __dir__ = lazily(
         __name__,
         {
             "leastaction.identification.experiment": "Experiment",
-            "leastaction.identification.identify": "identify",
+            "leastaction.identification.least_squares": "identify",
             "leastaction.identification.result": "Identification",
         },
     )

@@ -14,6 +14,7 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_flag, as_number, as_times, read_only
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.names import matching
+from leastaction.numerics.public import public
 
 _RATE = "rate of "
 
@@ -21,6 +22,7 @@ Signal = ArrayLike | Callable[[float], float]
 """A number, values over time, or a function of the time (s)."""
 
 
+@public
 @dataclass(frozen=True)
 class Experiment(Frozen):
     """One motion that was measured. Frozen: threads may share it.

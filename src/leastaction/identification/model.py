@@ -179,7 +179,7 @@ class Measured:
         x0 = self.x0 if self.n_start else self._start(system)
         run = system.rollout(x0, np.tile(x0, (N + 1, 1)), self.u, np.zeros((N, system.nu, system.nx)), 0, N)
         if not run.complete:
-            raise ArgumentError(f"identify: the motion cannot be made with what was found: {run.failure}")
+            raise ArgumentError(f"the motion cannot be made with what was found: {run.failure}")
         return system.trajectory(run.x, self.u)
 
     def told(self, run: Trajectory) -> dict[str, tuple[Array, Array, Array]]:

@@ -14,6 +14,7 @@ from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import Frozen
+from leastaction.numerics.public import public
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,6 +65,7 @@ class Residuals(Frozen):
         return bool(abs(self.correlation) * np.sqrt(np.sum(~np.isnan(self.scaled))) > _COLOURED)
 
 
+@public
 @dataclass(frozen=True)
 class Identification(Frozen):
     """Parameters of a mechanism, as measurements tell them. Frozen: threads may share it.

@@ -98,6 +98,9 @@ def calls() -> dict[str, Call]:
             {"mechanism": arm2, "q": q3, "v": np.zeros(3), "hold": (), "move_kinematic": False, "tolerance": 1e-10},
         ),
         "check_consistent": (mech.check_consistent, {"mechanism": arm2, "q": q3, "tolerance": 1e-8}),
+        "configuration_by": (
+            mech.configuration_by, {"mechanism": arm2, "q": q3, "names": ["bar.length"], "hold": ["a"]},
+        ),
         "equilibrium": (
             mech.equilibrium,
             {

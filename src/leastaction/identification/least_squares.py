@@ -21,6 +21,7 @@ from leastaction.identification.result import Identification, Residuals, doubts_
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_count, as_number, read_only, require_instance
+from leastaction.numerics.public import public
 from leastaction.numerics.warn import warn
 from leastaction.optimal.unknowns.unknown import Parameter
 
@@ -32,6 +33,7 @@ _ROUNDS = 3  # coordinates of the start are counted anew so often, at most
 _STILL = 1e-9  # coordinates of the start, in parts of its size, that need not be
 
 
+@public
 def identify(
     mechanism: Mechanism | MidpointVI,
     data: Experiment | Sequence[Experiment],
@@ -177,8 +179,11 @@ class _LeastSquares:
                 return made[key]
 
             z0 = np.concatenate([self.values, np.zeros(total - P)])
-            if self.iterations == 0 and not np.isfinite(both(z0)[0]).all():
-                raise ArgumentError("identify: the residuals at the start are no numbers; give other guesses")
+            if self.iterations == 0 and not all(np.isfinite(np.vdot(each, each)) for each in both(z0)):
+                raise ArgumentError(
+                    "the residuals at the start, or their derivatives, are no numbers whose squares can be added; give "
+                    "other guesses of parameters, or a larger sigma"
+                )
             # A search within bounds begins off them.
             room = 1e-9 * np.minimum(1.0 + np.abs(z0), high - low)
             z0 = np.clip(z0, low + room, high - room)
