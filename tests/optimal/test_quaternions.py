@@ -41,7 +41,9 @@ def test_a_satellite_turns_by_any_angle(angle: float) -> None:
     system = satellite()
     assert (system.nx, system.ndx) == (9, 8)
     cost, x0 = to_attitude(system, angle)
-    found = optimize(system, cost, initial=(x0, np.zeros((N, 3))), method="newton", tolerance=1e-24, absolute_tolerance=0.0)
+    found = optimize(
+        system, cost, initial=(x0, np.zeros((N, 3))), method="newton", tolerance=1e-24, absolute_tolerance=0.0
+    )
     # So tight a tolerance is met, or rounding stands before it.
     assert found.status in (Status.CONVERGED, Status.STALLED)
     away = system.difference(found.x[-1], np.asarray(cost.x_wanted)[-1])
