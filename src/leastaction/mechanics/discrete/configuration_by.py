@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from leastaction.mechanics.configuration.assembly import check_consistent
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.sensitivity import start_by
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, require_instance
 from leastaction.numerics.names import as_names
@@ -42,6 +43,7 @@ def configuration_by(mechanism: Mechanism, q: ArrayLike, names: Sequence[str], *
     """
     require_instance(mechanism, "mechanism", Mechanism)
     m = mechanism
+    angles_only(m, "configuration_by")
     place = as_array(q, "q", (m.nq,), names=m.variables)
     check_consistent(m, place)
     held = as_names(hold, "hold", "variables")
