@@ -32,11 +32,11 @@ from leastaction.optimal.quantity import Entries
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.system import Linearization
 
-_AT_ONCE = 1e-6  # of a step: what is late by so little is not late
+_AT_ONCE = 1e-6  # delay that counts as none, of a step
 _ACTIVE = 1e-3  # room, in its scale, of a limit that is active
-_PRICE = 1e3  # of an excess of a limit's scale, in costs of the first plan
-_MOST = 15  # iterations of a quadratic problem
-_LEAST = 1e-3  # of a cost that counts as one
+_PRICE = 1e3  # price of an excess by a limit's scale, in costs of the first plan
+_MOST = 15  # iterations of a quadratic problem, at most
+_LEAST = 1e-3  # cost of the first plan that prices are measured by, at least
 
 
 @public
