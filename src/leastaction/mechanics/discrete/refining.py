@@ -22,8 +22,8 @@ from leastaction.numerics.signals import Signal, signal_rows
 from leastaction.numerics.step_quality import StepQuality
 
 _HALVINGS = 12  # partings of a given step, one within the other
-# Places at which a step is parted, of its length. The next is tried where one before meets a configuration from which no
-# way leads on, such as a lift that is upright.
+# Places at which a step is parted, of its length. The next is tried where one before meets a configuration from which
+# no way leads on, such as a lift that is upright.
 _PARTS = (0.5, 0.45, 0.41)
 _SHORT = 2.0**-10  # length, of a step, at whose middle the energy is still that of its start
 _ROUNDING = 1e-10  # rounding of an energy, of the sizes of all its terms
