@@ -23,6 +23,7 @@ SecondOrder::SecondOrder(const Mechanism& mechanism, Split split)
     for (auto* a : {&q1, &q2, &q_mid_}) a->resize(mechanism.n_coordinates());
     for (auto* a : {&mu_force_, &v_, &mu_z_, &w_z_}) a->resize(nq_);
     for (auto* a : {&w_q, &w_p}) a->resize(nd_);
+    w_rho.resize(nq_ - nd_);
     for (auto* a : {&lam, &w_lam}) a->resize(nc_);
     u.resize(nu_);
     for (auto* a : {&dual_q_, &dual_v_, &dual_q1_, &q_along_v_, &q_along_mu_}) a->resize(mechanism.n_coordinates());
@@ -198,6 +199,7 @@ void SecondOrder::add_constraints() {
                        });
         for (std::size_t i = 0; i < constraint.support().size(); ++i)
             W_yth_(nd_ + c, constraint.support()[i]) -= dual_local_.gradient[i].d;  // d(Dh mu)/dq1
+        if (prescribed_turns_) continue;
         for_each_entry(constraint, at2_, end(), local_,
                        [&](int i, int j, double bend) { add_22(i, j, mu_[nd_ + c] * bend); });
     }

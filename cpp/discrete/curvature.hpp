@@ -36,7 +36,8 @@ public:
 
     // Where the step is, and the weights; in internal order.
     std::vector<double> q1, u, q2, lam, w_q, w_p, w_lam;
-    double share = 0;  // of forces at the instants (s)
+    std::vector<double> w_rho;  // on kinematic variables, of which only turns are not linear in th
+    double share = 0;           // of forces at the instants (s)
 
     // Entries first .. first + length of th stand at `position` of the output; runs are ascending and cover all of th.
     struct Run {
@@ -67,7 +68,9 @@ private:
     void begin_turned(double dt);
     void turn(double dt);
     void turn_constraints();
-    double& entry(int a, int b);  // of (q1, q2) by (q1, q2), a kept triangle of it
+    double& entry(int a, int b);                // of (q1, q2) by (q1, q2), a kept triangle of it
+    void add_ends(int a, int b, double value);  // of what is symmetric there, called for (a, b) and (b, a)
+    void add_prescribed_turns();
     void add_lagrangian(double dt);
     void add_potentials();
     void add_forces(double dt);
@@ -114,6 +117,7 @@ private:
     std::vector<double> mu_z_, w_z_;  // mu and w_p as directions in the kernel's coordinates
     struct Turned;                    // null where no rotation is a quaternion
     std::shared_ptr<Turned> turned_;
+    bool prescribed_turns_ = false;  // some of these are prescribed
     std::vector<Dual<double>> dual_q_, dual_v_, dual_q1_;
     std::unique_ptr<Placement<Dual<double>>> along_v_, along_mu_;  // for forces; null where there are none
     std::vector<Dual<double>> q_along_v_, q_along_mu_;

@@ -98,6 +98,19 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
         y[at_h + c] = -1.0;  // a shift of h: F2 = h + s
     }
     for (const Ball& ball : mechanism.balls) {
+        if (ball.prescribed) {
+            const GivenTurning::Matrix36 end = GivenTurning(&step.q2[ball.variable]).end_slope();
+            for (int c = 0; c < nc; ++c) {
+                const Eigen::Map<const Eigen::Vector3d> by_end(step.end_gradients() + c * nq + ball.variable);
+                const Turning::Vector6 by = end.transpose() * by_end;
+                double* y = &Y[(nd + c) * ld];
+                for (int i = 0; i < 3; ++i) {
+                    y[ball.variable + i] -= by[i];
+                    y[at_rho2 + ball.variable - nd + i] = -by[3 + i];
+                }
+            }
+            continue;
+        }
         Eigen::Vector3d slope = Eigen::Vector3d::Zero();
         for (int c = 0; c < nc; ++c)
             for (int i = 0; i < 3; ++i) slope[i] += step.lam[c] * step.start_gradients()[c * nq + ball.variable + i];

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "discrete/layout.hpp"
+#include "discrete/step_hessian.hpp"
 
 namespace leastaction {
 
@@ -27,6 +28,11 @@ void MidpointStep::energy(double dt, const double* p, StepEnergy& out) {
         const double half_slope = 0.5 * dt * lagrangian_.L_q[i], momentum = lagrangian_.L_v[i];
         out.at_start[i] = momentum - half_slope;
         out.at_end[i] = -momentum - half_slope;
+    }
+    for (std::size_t b = 0; b < turnings_.size(); ++b)
+        if (m.balls[b].prescribed)
+            turn_rows(turnings_[b], &out.at_start[m.balls[b].variable], &out.at_end[m.balls[b].variable]);
+    for (int i = nd_; i < nq_; ++i) {
         for (int c = 0; c < nc_; ++c) out.at_start[i] += C1_[c * nq_ + i] * lam[c];
     }
 }

@@ -65,7 +65,8 @@ struct Layout {
     void finish(MidpointStep& step, const double* next) const {
         for (int i = 0; i < nd; ++i) step.q2[i] = next[m.places[i]];
         for (const Ball& ball : m.balls)
-            rotation_between(&step.q1[ball.quaternion], next + ball.place, &step.q2[ball.variable]);
+            if (!ball.prescribed)
+                rotation_between(&step.q1[ball.quaternion], next + ball.place, &step.q2[ball.variable]);
     }
     // The largest difference between where a step leads to and the next state, of dynamic variables.
     double distance(const MidpointStep& step, const double* next) const {
@@ -73,6 +74,7 @@ struct Layout {
         for (int i = 0; i < nd; ++i)
             if (!of_ball(i)) most = std::max(most, std::abs(step.q2[i] - next[m.places[i]]));
         for (const Ball& ball : m.balls) {
+            if (ball.prescribed) continue;
             double turn[3];
             rotation_between(&step.q2[ball.quaternion], next + ball.place, turn);
             for (const double each : turn) most = std::max(most, std::abs(each));
@@ -92,6 +94,7 @@ struct Layout {
     void velocity(const double* x, double dt, double* out) const {
         for (int i = 0; i < nd; ++i) out[i] = (x[nx + m.places[i]] - x[m.places[i]]) / dt;
         for (const Ball& ball : m.balls) {
+            if (ball.prescribed) continue;
             rotation_between(x + ball.place, x + nx + ball.place, out + ball.variable);
             for (int i = 0; i < 3; ++i) out[ball.variable + i] /= dt;
         }

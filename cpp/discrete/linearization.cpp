@@ -122,6 +122,18 @@ int Linearization::along(const double* t, const double* X, const double* U, doub
             A_k[v * ny + i] = -1.0 / dt;
             B_k[v * nu + input] = 1.0 / dt;
         }
+        for (const Ball& ball : at.m.balls) {
+            if (!ball.prescribed) continue;
+            const GivenTurning::Matrix36 end = GivenTurning(&step.q2[ball.variable]).end_slope();
+            for (int i = 0; i < 3; ++i) {
+                const int row = ball.variable + i;
+                for (int j = 0; j < 3; ++j) {
+                    A_k[row * ny + ball.variable + j] = end(i, j);
+                    B_k[row * nu + at.ni + ball.variable - at.nd + j] = end(i, 3 + j);
+                }
+                A_k[(at.nq + row) * ny + row] = 0.0;  // the rate is that of the step alone
+            }
+        }
         for (int row = ndx; row < ny; ++row)
             at.scatter(&first.Y[(at.nd + row - ndx) * ld], A_k + row * ny, B_k + row * nu);
         std::copy(step.lam.begin(), step.lam.end(), lam.data() + k * nc);
@@ -177,6 +189,8 @@ void Linearization::each_hessian(const double* W, int weights, int threads, cons
             second.w_p[i] = W_k[at.nq + at.m.external[i]];
         }
         for (int c = 0; c < nc; ++c) second.w_lam[c] = weights > ndx ? W_k[ndx + c] : 0.0;
+        for (const Ball& ball : at.m.balls)
+            if (ball.prescribed) std::copy_n(W_k + ball.variable, 3, second.w_rho.begin() + ball.variable - at.nd);
         second.hessian(dt_.data()[k], first);
         write(second, k);
         return true;

@@ -19,6 +19,10 @@ constexpr int max_halvings = 8;
 constexpr double fresh_price = 0.5;   // of a new Newton matrix, in iterations
 constexpr double same_point = 1e-14;  // relative moves below this leave the Newton matrix exact
 
+bool is_free_slide(const Joint& joint, int n_dynamic) {
+    return joint.axis >= Axis::tx && joint.axis <= Axis::tz && joint.simple && joint.variable < n_dynamic;
+}
+
 }  // namespace
 
 MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const MidpointSettings& settings)
@@ -121,7 +125,7 @@ void MidpointStep::kick(double for_how_long) {
 void MidpointStep::momenta(double dt, double share, std::vector<double>& start, std::vector<double>& end) {
     const Mechanism& m = *mechanism_;
     kick(share);
-    place(m.prescribed_constraint_joints, q2.data(), at2_);
+    place_prescribed();
     evaluate(dt);
     const double km = kappa_minus(settings_.split, dt), kp = kappa_plus(settings_.split, dt);
     for (int i = 0; i < nq_; ++i) {
@@ -138,7 +142,7 @@ void MidpointStep::momenta(double dt, double share, std::vector<double>& start, 
     for_each_entry(m.forces, middle(), force_, add);
     if (!turnings_.empty()) {
         for (double& p : start) p = -p;
-        turn_rows_of(m, turnings_, start.data(), end.data());
+        turn_rows_of(m, turnings_, start.data(), end.data(), nq_);
         for (double& p : start) p = -p;
     }
     for (const auto& [i, input] : m.instant_joint_forces) start[i] -= share * u[input];
@@ -193,7 +197,7 @@ void MidpointStep::evaluate(double dt) {
             raw_start_[i] = residual[i];
             raw_end_[i] = p2[i];
         }
-        turn_rows_of(*mechanism_, turnings_, residual.data(), p2.data());
+        turn_rows_of(*mechanism_, turnings_, residual.data(), p2.data(), nd_);
         for (int i = 0; i < nd_; ++i) residual[i] += p1[i];
     }
     if (loops_) {
@@ -369,11 +373,47 @@ void MidpointStep::turn_ends() {
     }
 }
 
+void MidpointStep::place_prescribed() {
+    if (!mechanism_->balls.empty()) turn_ends();
+    place(mechanism_->prescribed_constraint_joints, end(), at2_);
+}
+
 // dphi = d + phi x s + c phi x (phi x d) with s = beta/2, d = beta.
 void MidpointStep::turn_correction() {
     for (std::size_t b = 0; b < turnings_.size(); ++b) {
-        const int at = mechanism_->balls[b].variable;
-        turnings_[b].end_to_phi(&correction_[at]);
+        const Ball& ball = mechanism_->balls[b];
+        if (!ball.prescribed) turnings_[b].end_to_phi(&correction_[ball.variable]);
+    }
+}
+
+// What is left of F1, a covector at q1, goes on with the momentum: p2 = p1 + dt L_q + (fd- + fd+) - Dh(q1)' lam. Of balls the
+// same in the world, where a turn of everything moves both ends and the middle alike.
+void MidpointStep::hand_on_momentum() {
+    const Mechanism& m = *mechanism_;
+    for (int i = 0; i < nd_; ++i) p2[i] += residual[i];
+    for (std::size_t b = 0; b < turnings_.size(); ++b) {
+        const Ball& ball = m.balls[b];
+        const int at = ball.variable;
+        if (ball.prescribed) continue;
+        double carried[3];
+        for (int i = 0; i < 3; ++i) {
+            carried[i] = p1[at + i];
+            for (int c = 0; c < nc_; ++c) carried[i] -= C1_[c * nq_ + at + i] * lam[c];
+        }
+        const Vec3<double> torque = turnings_[b].torque(&raw_start_[at], &raw_end_[at]);
+        Vec3<double> in_world = turned(&q1[ball.quaternion], {carried[0], carried[1], carried[2]}) +
+                                turned(&q_mid_[ball.quaternion], torque);
+        // What is left to the slides of a free joint went on along them, which changes its moment.
+        Vec3<double> moved, left;
+        for (int j = m.joints[ball.joint].parent; j >= 0 && is_free_slide(m.joints[j], nd_); j = m.joints[j].parent) {
+            const int i = m.joints[j].variable;
+            const Vec3<double>& along = lagrangian_.at.twist[j].v;
+            moved += (q2[i] - q1[i]) * along;
+            left += residual[i] * along;
+        }
+        in_world = in_world - cross(moved, left);
+        const Vec3<double> in_body = turned(&placed_[ball.quaternion], in_world, -1.0);
+        p2[at] = in_body.x, p2[at + 1] = in_body.y, p2[at + 2] = in_body.z;
     }
 }
 
@@ -398,7 +438,7 @@ StepReport MidpointStep::solve(double dt, bool known) {
     int halvings = 0;
     if (factored_dt_ != dt) have_factors_ = false;
     factored_at_solution_ = false;
-    place(mechanism_->prescribed_constraint_joints, q2.data(), at2_);
+    place_prescribed();
     for (;; ++report.iterations) {
         evaluate(dt);
         report.residual = largest_residual(residual_scale);
@@ -456,6 +496,7 @@ StepReport MidpointStep::solve(double dt, bool known) {
         for (int c = 0; c < nc_; ++c) lam[c] += correction_[nd_ + c];
         if (known && factored_at_solution_) break;
     }
+    if (!known) hand_on_momentum();
     report.rank_deficient = newton_.rank_deficient();
     if (report.rank_deficient) newton_.take_least_norm(C1_.data(), nq_, lam.data());
     return report;

@@ -115,7 +115,7 @@ void ParameterSlopes::differentiate(MidpointStep& step, const FirstOrder& first,
             start_[i] = 0.5 * dt * L_q_[i] - L_v_[i] + km * f_[i];
             end_[i] = 0.5 * dt * L_q_[i] + L_v_[i] + kp * f_[i];
         }
-        turn_rows_of(m_, step.turnings(), start_.data(), end_.data());
+        turn_rows_of(m_, step.turnings(), start_.data(), end_.data(), nd);
         for (int i = 0; i < nd; ++i) {
             Y[i * ld + k] -= start_[i] + kick_[i];
             P2[i * ld + k] = end_[i];

@@ -139,7 +139,7 @@ bool MidpointStep::guess_limit(double dt) {
     std::copy(q2.begin() + nd_, q2.begin() + nq_, rho2_.begin());
     std::copy(q1.begin(), q1.begin() + nd_, q2.begin());
     for (int i = nd_; i < nq_; ++i) q2[i] = q1[i] + limit_part * (q2[i] - q1[i]);
-    place(mechanism_->prescribed_constraint_joints, q2.data(), at2_);
+    place_prescribed();
     bool regular = correct_limit(tau);
     if (!regular && !mechanism_->forces.empty()) {
         // Forces, or their slopes, may be undefined at rest (friction against the velocity): as the momentum goes without.
@@ -166,7 +166,7 @@ bool MidpointStep::guess_limit(double dt) {
 }
 
 double MidpointStep::judge(double dt) {
-    place(mechanism_->prescribed_constraint_joints, q2.data(), at2_);
+    place_prescribed();
     evaluate(dt);
     return judge_here(dt);
 }
@@ -184,7 +184,7 @@ double MidpointStep::determinant_ratio(double dt) {
 bool MidpointStep::follow(double from, double to, double dt) {
     for (int i = 0; i < nd_; ++i) q2[i] = q1[i] + to * (path_v_[i] + (to - from) * path_slope_[i]);
     for (int i = 0; i < mechanism_->n_kinematic; ++i) q2[nd_ + i] = q1[nd_ + i] + to / dt * (rho2_[i] - q1[nd_ + i]);
-    place(mechanism_->prescribed_constraint_joints, q2.data(), at2_);
+    place_prescribed();
     double last = 0, first = 0, way = 0;
     for (int corrections = 0; corrections < max_corrections; ++corrections) {
         evaluate(to);

@@ -1,5 +1,7 @@
 #include "discrete/step_hessian.hpp"
 
+#include <algorithm>
+
 namespace leastaction {
 
 void StepHessian::evaluate(const Mechanism& m, const Lagrangian<double>& lagrangian, const ForcePoint<double>& middle,
@@ -45,9 +47,11 @@ void StepHessian::turn_columns(const Mechanism& m, const std::vector<Turning>& t
     const int nq = m.n_variables();
     for (std::size_t b = 0; b < turnings.size(); ++b) {
         const int at = m.balls[b].variable;
+        const Turning::Matrix6 slope =
+            m.balls[b].prescribed ? GivenTurning(turnings[b].phi()).slope() : turnings[b].slope();
         Eigen::Matrix<double, Eigen::Dynamic, 6> columns(by_ends.rows(), 6);
         columns << by_ends.middleCols(at, 3), by_ends.middleCols(nq + at, 3);
-        columns = (columns * turnings[b].slope()).eval();
+        columns = (columns * slope).eval();
         by_ends.middleCols(at, 3) = columns.leftCols(3);
         by_ends.middleCols(nq + at, 3) = columns.rightCols(3);
     }
@@ -58,6 +62,7 @@ void StepHessian::turn_rows(const Mechanism& m, const std::vector<Turning>& turn
     const int nd = m.n_dynamic, nq = m.n_variables();
     for (std::size_t b = 0; b < turnings.size(); ++b) {
         const int at = m.balls[b].variable;
+        if (m.balls[b].prescribed) continue;
         for (auto* table : {&by_ends, &by_u}) {
             Eigen::Matrix<double, 6, Eigen::Dynamic> rows(6, table->cols());
             rows << table->middleRows(at, 3), table->middleRows(nd + at, 3);
@@ -79,19 +84,18 @@ void StepHessian::turn_rows(const Mechanism& m, const std::vector<Turning>& turn
     }
 }
 
-void turn_rows_of(const Mechanism& m, const std::vector<Turning>& turnings, double* start, double* end) {
+void turn_rows(const Turning& turning, double* start, double* end) {
+    Turning::Vector6 values;
+    values << start[0], start[1], start[2], end[0], end[1], end[2];
+    values = (turning.slope().transpose() * values).eval();
+    std::copy_n(values.data(), 3, start);
+    std::copy_n(values.data() + 3, 3, end);
+}
+
+void turn_rows_of(const Mechanism& m, const std::vector<Turning>& turnings, double* start, double* end, int n) {
     for (std::size_t b = 0; b < turnings.size(); ++b) {
         const int at = m.balls[b].variable;
-        Turning::Vector6 values;
-        for (int i = 0; i < 3; ++i) {
-            values[i] = start[at + i];
-            values[3 + i] = end[at + i];
-        }
-        values = (turnings[b].slope().transpose() * values).eval();
-        for (int i = 0; i < 3; ++i) {
-            start[at + i] = values[i];
-            end[at + i] = values[3 + i];
-        }
+        if (at < n) turn_rows(turnings[b], start + at, end + at);
     }
 }
 

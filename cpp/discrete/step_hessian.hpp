@@ -17,13 +17,16 @@ struct StepHessian {
     // At a middle at which the Lagrangian has its Hessian.
     void evaluate(const Mechanism& m, const Lagrangian<double>& lagrangian, const ForcePoint<double>& middle,
                   Split split, double dt, LocalTaylor<double>& local, LocalForce<double>& force);
-    // Columns of balls become derivatives by turns of the ends.
+    // Columns of balls become derivatives by turns of the ends; of those that are prescribed, by turns of the start and
+    // the rotation vector of the step.
     void turn_columns(const Mechanism& m, const std::vector<Turning>& turnings);
     // And then rows, given the values of the rows (of the kernel's coordinates) that they are derivatives of.
     void turn_rows(const Mechanism& m, const std::vector<Turning>& turnings, const double* start, const double* end);
 };
 
-// Values of rows of balls from the kernel's coordinates to turns of the ends, in place.
-void turn_rows_of(const Mechanism& m, const std::vector<Turning>& turnings, double* start, double* end);
+// Values of rows of one ball from the kernel's coordinates to turns of the ends, in place.
+void turn_rows(const Turning& turning, double* start, double* end);
+// The same of all balls among the first n variables.
+void turn_rows_of(const Mechanism& m, const std::vector<Turning>& turnings, double* start, double* end, int n);
 
 }  // namespace leastaction

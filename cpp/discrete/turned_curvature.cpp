@@ -23,13 +23,16 @@ struct SecondOrder::Turned {
     std::vector<double> end;  // q2 as a configuration
     std::vector<double> start_row, end_row;
     std::vector<Turning> turnings;
-    std::vector<Vector6> along;  // mu and w_p of each ball
+    std::vector<Vector6> along;   // mu and w_p of each ball
+    std::vector<Matrix6> slopes;  // of z by turns of the ends, or by what is given of one that is prescribed
     StepHessian table;
     NewtonMatrix::Matrix all, turned;
 };
 
 void SecondOrder::begin_balls() {
-    if (!mechanism_.balls.empty()) turned_ = std::make_shared<Turned>(mechanism_);
+    if (mechanism_.balls.empty()) return;
+    turned_ = std::make_shared<Turned>(mechanism_);
+    prescribed_turns_ = std::ranges::any_of(mechanism_.balls, &Ball::prescribed);
 }
 const double* SecondOrder::end() const { return turned_ ? turned_->end.data() : q2.data(); }
 
@@ -55,18 +58,20 @@ void SecondOrder::begin_turned(double dt) {
     Turned& t = *turned_;
     t.turnings.clear();
     t.along.clear();
+    t.slopes.clear();
     std::copy(q2.begin(), q2.begin() + nq_, t.end.begin());
     for (const Ball& ball : m.balls) {
         const int at = ball.variable;
         t.turnings.emplace_back(&q2[at]);
         std::fill_n(&t.end[at], 3, 0.0);
         turn_by(&q1[ball.quaternion], &q2[at], 1.0, &t.end[ball.quaternion]);
-        Vector6 along;
-        for (int i = 0; i < 3; ++i) {
+        Vector6 along = Vector6::Zero();
+        for (int i = 0; i < 3 && !ball.prescribed; ++i) {
             along[i] = mu_[at + i];
             along[3 + i] = w_p[at + i];
         }
         t.along.push_back(along);
+        t.slopes.push_back(ball.prescribed ? GivenTurning(&q2[at]).slope() : t.turnings.back().slope());
         const Vector6 field = t.turnings.back().slope() * along;
         for (int i = 0; i < 3; ++i) {
             mu_z_[at + i] = field[i];
@@ -131,8 +136,7 @@ void SecondOrder::turn(double) {
     Eigen::Matrix<double, 6, Eigen::Dynamic> rows;
     for (std::size_t b = 0; b < t.turnings.size(); ++b) {
         const int at = mechanism_.balls[b].variable;
-        const Turning& turning = t.turnings[b];
-        const Matrix6& slope = turning.slope();
+        const Matrix6& slope = t.slopes[b];
         const auto take_rows = [&](const NewtonMatrix::Matrix& of, int second) {
             rows.resize(6, of.cols());
             rows << of.middleRows(at, 3), of.middleRows(second + at, 3);
@@ -150,6 +154,20 @@ void SecondOrder::turn(double) {
     // Once all that is held has been turned, what the fields change by.
     for (std::size_t b = 0; b < t.turnings.size(); ++b) {
         const int at = mechanism_.balls[b].variable;
+        const auto place_of = [&](int k) { return k < 3 ? at + k : nq_ + at + k - 3; };
+        if (mechanism_.balls[b].prescribed) {
+            const Matrix6 own = GivenTurning(&q2[at]).bend(by_z[b]);
+            for (int k = 0; k < 6; ++k)
+                for (int l = 0; l < 6; ++l) W(place_of(k), place_of(l)) += own(k, l);
+            if (nu_ == 0) continue;
+            const int at_end = at_rho2_ + at - nd_;
+            rows.resize(6, nu_);
+            rows << W_thth_.block(at, at_u, 3, nu_), W_thth_.block(at_u, at_end, nu_, 3).transpose();
+            rows = (t.slopes[b].transpose() * rows).eval();
+            W_thth_.block(at, at_u, 3, nu_) = rows.topRows(3);
+            W_thth_.block(at_u, at_end, nu_, 3) = rows.bottomRows(3).transpose();
+            continue;
+        }
         Vector6 values;
         for (int i = 0; i < 3; ++i) {
             values[i] = t.start_row[at + i];
@@ -157,7 +175,6 @@ void SecondOrder::turn(double) {
         }
         const Turning::Field field = t.turnings[b].field(t.along[b], values, by_z[b]);
         const Matrix6 own = field.bend + field.chart;
-        const auto place_of = [&](int k) { return k < 3 ? at + k : nq_ + at + k - 3; };
         rows.resize(6, n);
         rows << t.table.by_ends.middleRows(at, 3), t.table.by_ends.middleRows(nd_ + at, 3);
         rows = (field.slope.transpose() * rows).eval();
@@ -192,7 +209,8 @@ void SecondOrder::turn_constraints() {
     using Matrix3 = Eigen::Matrix3d;
     for (const Ball& ball : m.balls) {
         const int at = ball.variable;
-        const TurnedField field(&mu_[at]);
+        constexpr double none[3] = {0, 0, 0};
+        const TurnedField field(ball.prescribed ? none : &mu_[at]);
         const Matrix3 slope = field.slope();
         Vector3 at_start = Vector3::Zero(), at_end = Vector3::Zero(), along_mu = Vector3::Zero();
         Eigen::Matrix<double, 3, Eigen::Dynamic> bent = Eigen::Matrix<double, 3, Eigen::Dynamic>::Zero(3, nq_);
@@ -223,10 +241,58 @@ void SecondOrder::turn_constraints() {
             }
             for (int j = 0; j < 3; ++j) {
                 add_11(at + i, at + j, own(i, j));
-                add_22(at + i, at + j, chart(i, j));
+                if (!ball.prescribed) add_22(at + i, at + j, chart(i, j));
             }
         }
     }
+    if (prescribed_turns_) add_prescribed_turns();
+}
+
+// Of balls that are prescribed: mu_h.h at the end, which alpha and e turn, and the weights on where they end themselves.
+void SecondOrder::add_prescribed_turns() {
+    const Mechanism& m = mechanism_;
+    std::vector<GivenTurning::Matrix36> slopes;
+    for (const Ball& ball : m.balls)
+        slopes.push_back(ball.prescribed ? GivenTurning(&q2[ball.variable]).end_slope() : GivenTurning::Matrix36());
+    const auto ball_of = [&](int i) {
+        return std::ranges::find_if(
+            m.balls, [&](const Ball& b) { return b.prescribed && i >= b.variable && i < b.variable + 3; });
+    };
+    const auto place_of = [&](const Ball& ball, int k) {
+        return k < 3 ? ball.variable + k : nq_ + ball.variable + k - 3;
+    };
+    // Calls f(place, weight) for what a variable of the end depends on.
+    const auto each_cause = [&](int i, const auto& f) {
+        const auto ball = ball_of(i);
+        if (ball == m.balls.end()) return f(nq_ + i, 1.0);
+        for (int k = 0; k < 6; ++k) f(place_of(*ball, k), slopes[ball - m.balls.begin()](i - ball->variable, k));
+    };
+    std::vector<double> by_end(nq_);
+    for (int c = 0; c < nc_; ++c) {
+        for_each_entry(*m.constraints[c], at2_, end(), local_, [&](int i, int j, double bend) {
+            each_cause(i, [&](int a, double weight_a) {
+                each_cause(j,
+                           [&](int b, double weight_b) { add_ends(a, b, mu_[nd_ + c] * weight_a * weight_b * bend); });
+            });
+        });
+        for_each_entry(*m.constraints[c], at2_, end(), local_, [&](int i, double x) { by_end[i] += mu_[nd_ + c] * x; });
+    }
+    for (std::size_t b = 0; b < m.balls.size(); ++b) {
+        const Ball& ball = m.balls[b];
+        if (!ball.prescribed) continue;
+        const Eigen::Map<const Eigen::Vector3d> g(&by_end[ball.variable]), w(&w_rho[ball.variable - nd_]);
+        const Matrix6 own = slopes[b].transpose() * symmetric_chart_bend(g) * slopes[b] +
+                            GivenTurning(&q2[ball.variable]).end_bend(g + w);
+        for (int k = 0; k < 6; ++k)
+            for (int l = 0; l < 6; ++l) add_ends(place_of(ball, k), place_of(ball, l), own(k, l));
+    }
+}
+
+void SecondOrder::add_ends(int a, int b, double value) {
+    if (a >= nq_ && b >= nq_ && std::max(a, b) < nq_ + nd_)
+        W_yy_(a - nq_, b - nq_) += value;
+    else if (a <= b)
+        entry(a, b) += value;
 }
 
 }  // namespace leastaction

@@ -1,5 +1,6 @@
 #include "discrete/turning.hpp"
 
+#include <Eigen/Geometry>
 #include <array>
 #include <cmath>
 
@@ -52,6 +53,10 @@ Jet<n> operator*(double s, const Jet<n>& a) {
     out.g = s * a.g;
     out.h = s * a.h;
     return out;
+}
+template <int n>
+Jet<n> operator*(const Jet<n>& a, double s) {
+    return s * a;
 }
 template <int n>
 Jet<n> operator*(const Jet<n>& a, const Jet<n>& b) {
@@ -122,11 +127,12 @@ void sum_series(const std::array<double, 12>& a, double y, double& f, double& f1
 }
 constexpr double series_below = 1.0;  // of y
 
-Vector6 stacked(const Vec3<double>& a, const Vec3<double>& b) {
-    Vector6 out;
-    out << a.x, a.y, a.z, b.x, b.y, b.z;
+Eigen::Matrix3d crossing(const Eigen::Vector3d& a) {
+    Eigen::Matrix3d out;
+    out << 0, -a[2], a[1], a[2], 0, -a[0], -a[1], a[0], 0;
     return out;
 }
+Eigen::Matrix3d crossing(const Vec3<double>& a) { return crossing(Eigen::Vector3d(a.x, a.y, a.z)); }
 
 }  // namespace
 
@@ -138,9 +144,9 @@ void turn_by(const double* q, const double* phi, double part, double* out) {
     const double x = f * phi[0], y = f * phi[1], z = f * phi[2];
     double p[4] = {q[0] * w - q[1] * x - q[2] * y - q[3] * z, q[0] * x + q[1] * w + q[2] * z - q[3] * y,
                    q[0] * y + q[2] * w + q[3] * x - q[1] * z, q[0] * z + q[3] * w + q[1] * y - q[2] * x};
-    // Of unit length to rounding, and so kept.
-    const double norm = 1.5 - 0.5 * (p[0] * p[0] + p[1] * p[1] + p[2] * p[2] + p[3] * p[3]);
-    for (int i = 0; i < 4; ++i) out[i] = norm * p[i];
+    // Of unit length to rounding, and so kept; what is beyond one counts alike above and below it.
+    const double beyond = (p[0] - 1.0) * (p[0] + 1.0) + p[1] * p[1] + p[2] * p[2] + p[3] * p[3];
+    for (int i = 0; i < 4; ++i) out[i] = p[i] - 0.5 * beyond * p[i];
 }
 
 void rotation_between(const double* a, const double* b, double* out) {
@@ -152,6 +158,11 @@ void rotation_between(const double* a, const double* b, double* out) {
     double f = sine < 1e-8 ? 2.0 / cosine : 2.0 * std::atan2(sine, cosine) / sine;
     if (w < 0) f = -f;  // the shorter way
     for (int i = 0; i < 3; ++i) out[i] = f * v[i];
+}
+
+Vec3<double> turned(const double* quaternion, const Vec3<double>& a, double sense) {
+    const Vec3<double> axis{quaternion[1], quaternion[2], quaternion[3]}, across = 2.0 * cross(axis, a);
+    return a + (sense * quaternion[0]) * across + cross(axis, across);
 }
 
 Turning::Turning(const double* phi) : phi_{phi[0], phi[1], phi[2]} {
@@ -171,14 +182,17 @@ Turning::Turning(const double* phi) : phi_{phi[0], phi[1], phi[2]} {
         tau1_ = s / (16.0 * y) - tau_ / (2.0 * y);
         tau2_ = tau_ * s / (32.0 * y) - s / (16.0 * y * y) - tau1_ / (2.0 * y) + tau_ / (2.0 * y * y);
     }
-    for (int end = 0; end < 2; ++end)
-        for (int i = 0; i < 3; ++i) {
-            const Vec3<double> e{double(i == 0), double(i == 1), double(i == 2)};
-            const Vec3<double> s = 0.5 * e, d = end ? e : -e;
-            const Vec3<double> xi = s + tau_ * cross(phi_, d);
-            const Vec3<double> nu = d + cross(phi_, s) + c_ * cross(phi_, cross(phi_, d)) - first_change(xi, phi_);
-            slope_.col(3 * end + i) = stacked(xi - 0.5 * nu, xi + 0.5 * nu);
-        }
+    const Eigen::Matrix3d p = crossing(phi_);
+    const Eigen::Matrix3d change_by_d = Eigen::Matrix3d::Identity() + c_ * p * p;
+    const auto half = 0.5 * Eigen::Matrix3d::Identity();
+    xi_ << half - tau_ * p, half + tau_ * p;
+    change_ << 0.5 * p - change_by_d, 0.5 * p + change_by_d;
+    // nu = phi less DJ xi phi
+    Matrix36 nu = change_;
+    nu.row(0) -= phi_.y * xi_.row(2);
+    nu.row(1) += phi_.x * xi_.row(2);
+    nu.row(2) -= phi_.x * xi_.row(1);
+    slope_ << xi_ - 0.5 * nu, xi_ + 0.5 * nu;
 }
 
 void Turning::end_to_phi(double* beta) const {
@@ -187,40 +201,55 @@ void Turning::end_to_phi(double* beta) const {
     beta[0] = change.x, beta[1] = change.y, beta[2] = change.z;
 }
 
-namespace {
-
-// theta and phi to second order in the turns u along exp.
-struct Moved {
-    Jets<6> s, d, theta, phi;
-    Moved(const Vec3<double>& at, double c, double c1, double tau, double tau1) {
-        Jets<6> a, b;
-        a = {Jet<6>::variable(0), Jet<6>::variable(1), Jet<6>::variable(2)};
-        b = {Jet<6>::variable(3), Jet<6>::variable(4), Jet<6>::variable(5)};
-        s = 0.5 * (a + b);
-        d = b - a;
-        const Jets<6> p = lifted<6>(at), p_d = cross(p, d), p_p_d = cross(p, p_d);
-        const Jets<6> change = d + cross(p, s) + c * p_p_d, xi = s + tau * p_d;
-        const Jet<6> along = 2.0 * dot(p, change);  // of x^2
-        const Jets<6> twice =
-            cross(change, s) + c * (cross(change, p_d) + cross(p, cross(change, d))) + (c1 * along) * p_p_d;
-        phi = p + change + 0.5 * twice;
-        theta = xi + 0.5 * (tau * cross(change, d) + (tau1 * along) * p_d - first_change(xi, xi));
-    }
-};
-
-Matrix6 weighted(const Jets<6>& theta, const Jets<6>& nu, const Vector6& g) {
-    const auto part = [](const Jets<6>& of, double x, double y, double z) -> Matrix6 {
-        return x * of.x.h + y * of.y.h + z * of.z.h;
-    };
-    return part(theta, g[0] + g[3], g[1] + g[4], g[2] + g[5]) +
-           part(nu, 0.5 * (g[3] - g[0]), 0.5 * (g[4] - g[1]), 0.5 * (g[5] - g[2]));
+// dtheta = xi and dnu = -(DJ xi) phi.
+Vec3<double> Turning::torque(const double* start, const double* end) const {
+    const auto half = [&](int i) { return 0.5 * (end[i] - start[i]); };
+    return {start[0] + end[0], start[1] + end[1] - half(2) * phi_.x,
+            start[2] + end[2] - half(0) * phi_.y + half(1) * phi_.x};
 }
 
-}  // namespace
+// With P u the change of phi and X u = xi to first order, the second is that of
+//
+//   h.phi + g.theta:   1/2 u'P'Y u - 1/2 g.(C xi) xi,
+//   Y u = s x h + c ((p x d) x h + d x (h x p)) + 2 c' p (h.p x (p x d)) + tau d x g + 2 tau' p (g.p x d),
+//
+// c' and tau' by x^2; F holds (C xi) xi.
+Matrix6 Turning::along(const Eigen::Vector3d& g, const Eigen::Vector3d& h, const Eigen::Matrix3d& mixed,
+                       const Eigen::Matrix3d& own) const {
+    const Eigen::Vector3d p(phi_.x, phi_.y, phi_.z), hp = h.cross(p);
+    const Eigen::Vector3d gp = g.cross(p), hpp = hp.cross(p);
+    const Eigen::Matrix3d H = crossing(h);
+    const Eigen::Matrix3d by_d = -c_ * (H * crossing(p) + crossing(hp)) + 2.0 * c1_ * p * hpp.transpose() -
+                                 tau_ * crossing(g) + 2.0 * tau1_ * p * gp.transpose();
+    Matrix36 Y;
+    Y << -0.5 * H - by_d, -0.5 * H + by_d;
+    Eigen::Matrix3d F;
+    F << 0, g[2], -g[1], g[2], 0, g[0], -g[1], g[0], 0;
+    const Matrix36 left = 0.5 * Y + mixed.transpose() * xi_;
+    const Matrix36 right = (0.5 * own - 0.25 * F) * xi_;
+    const Matrix6 half = change_.transpose() * left + xi_.transpose() * right;
+    return half + half.transpose();
+}
+
+// The symmetric part of g.X_u X_v z: nu = phi + (-z phi_y, z phi_x, -y phi_x) + (phi_x (y^2 - z^2), -phi_y z^2, 2 y z phi_y)/2 with
+// theta = (x, y, z).
+Matrix6 Turning::chart(const Vector6& g) const {
+    const Eigen::Vector3d by_nu = 0.5 * (g.tail<3>() - g.head<3>());
+    Eigen::Vector3d by_theta = g.head<3>() + g.tail<3>();
+    by_theta[1] -= by_nu[2] * phi_.x;
+    by_theta[2] += by_nu[1] * phi_.x - by_nu[0] * phi_.y;
+    Eigen::Matrix3d mixed = Eigen::Matrix3d::Zero(), own = Eigen::Matrix3d::Zero();  // theta by phi, theta by theta
+    mixed(2, 1) = -by_nu[0];
+    mixed(2, 0) = by_nu[1];
+    mixed(1, 0) = -by_nu[2];
+    own(1, 1) = by_nu[0] * phi_.x;
+    own(2, 2) = -by_nu[0] * phi_.x - by_nu[1] * phi_.y;
+    own(1, 2) = own(2, 1) = by_nu[2] * phi_.y;
+    return along(by_theta, by_nu, mixed, own);
+}
 
 Matrix6 Turning::bend(const Vector6& g) const {
-    const Moved at(phi_, c_, c1_, tau_, tau1_);
-    Matrix6 out = weighted(at.theta, Rates<6>(at.theta).solve(at.phi), g);
+    Matrix6 out = chart(g);
     // Half the commutator: u x v of each end.
     const Vector6 by_turn = slope_.transpose() * g;
     for (int end = 0; end < 2; ++end) {
@@ -234,24 +263,127 @@ Matrix6 Turning::bend(const Vector6& g) const {
     return out;
 }
 
+namespace {
+
+Matrix6 weighted(const Jets<6>& theta, const Jets<6>& nu, const Vector6& g) {
+    const auto part = [](const Jets<6>& of, double x, double y, double z) -> Matrix6 {
+        return x * of.x.h + y * of.y.h + z * of.z.h;
+    };
+    return part(theta, g[0] + g[3], g[1] + g[4], g[2] + g[5]) +
+           part(nu, 0.5 * (g[3] - g[0]), 0.5 * (g[4] - g[1]), 0.5 * (g[5] - g[2]));
+}
+
+}  // namespace
+
+// As a function of (theta, phi), which then move along exp.
 Turning::Field Turning::field(const Vector6& w, const Vector6& g, const Vector6& h) const {
-    const Moved at(phi_, c_, c1_, tau_, tau1_);
-    const Rates<6> rates(at.theta);
-    const Jets<6> nu = rates.solve(at.phi);
+    const Jets<6> theta{Jet<6>::variable(0), Jet<6>::variable(1), Jet<6>::variable(2)};
+    Jets<6> phi{Jet<6>::variable(3), Jet<6>::variable(4), Jet<6>::variable(5)};
+    phi.x.v = phi_.x, phi.y.v = phi_.y, phi.z.v = phi_.z;
+    const Rates<6> rates(theta);
+    const Jets<6> nu = rates.solve(phi);
     const Vec3<double> alpha{w[0], w[1], w[2]}, beta{w[3], w[4], w[5]};
-    const Jets<6> s = lifted<6>(0.5 * (alpha + beta)), d = lifted<6>(beta - alpha);
-    const Jet<6> y = dot(at.phi, at.phi), c = y.of(c_, c1_, c2_), tau = y.of(tau_, tau1_, tau2_);
-    const Jets<6> p_d = cross(at.phi, d);
-    const Jets<6> theta_field = rates.solve(s + tau * p_d);
-    const Jets<6> nu_field = rates.solve(d + cross(at.phi, s) + c * cross(at.phi, p_d) - rates.change(theta_field, nu));
-    Field out{Matrix6(), weighted(theta_field, nu_field, g), weighted(at.theta, nu, h)};
-    const Jet<6>* theta[3] = {&theta_field.x, &theta_field.y, &theta_field.z};
-    const Jet<6>* rate[3] = {&nu_field.x, &nu_field.y, &nu_field.z};
+    const Vec3<double> s = 0.5 * (alpha + beta), d = beta - alpha;
+    const Jet<6> y = dot(phi, phi), c = y.of(c_, c1_, c2_), tau = y.of(tau_, tau1_, tau2_);
+    const Jets<6> p_d = cross(phi, d);
+    const Jets<6> theta_field = rates.solve(lifted<6>(s) + tau * p_d);
+    const Jets<6> nu_field =
+        rates.solve(lifted<6>(d) + cross(phi, s) + c * cross(phi, p_d) - rates.change(theta_field, nu));
+    Matrix6 move, slope;
+    move << xi_, change_;
+    const Jet<6>* of_theta[3] = {&theta_field.x, &theta_field.y, &theta_field.z};
+    const Jet<6>* of_nu[3] = {&nu_field.x, &nu_field.y, &nu_field.z};
     for (int i = 0; i < 3; ++i) {
-        out.slope.row(i) = (theta[i]->g - 0.5 * rate[i]->g).transpose();
-        out.slope.row(3 + i) = (theta[i]->g + 0.5 * rate[i]->g).transpose();
+        slope.row(i) = (of_theta[i]->g - 0.5 * of_nu[i]->g).transpose();
+        slope.row(3 + i) = (of_theta[i]->g + 0.5 * of_nu[i]->g).transpose();
     }
+    const Vector6 by = slope.transpose() * g;
+    const Eigen::Matrix3d none = Eigen::Matrix3d::Zero();
+    const Matrix6 second = weighted(theta_field, nu_field, g);
+    return {slope * move, move.transpose() * second * move + along(by.head<3>(), by.tail<3>(), none, none), chart(h)};
+}
+
+namespace {
+
+// The turn over a part of the step, and its change by (alpha, e) to second order.
+struct GivenPart {
+    Jets<6> phi, turn;
+    GivenPart(const Vec3<double>& at, double part) {
+        const double zero[4] = {1, 0, 0, 0}, whole[3] = {at.x, at.y, at.z};
+        double quaternion[4];
+        turn_by(zero, whole, part, quaternion);
+        Jets<6> alpha;
+        Jet<6>* each[3] = {&alpha.x, &alpha.y, &alpha.z};
+        for (int i = 0; i < 3; ++i) {
+            const Vec3<double> a = turned(quaternion, {double(i == 0), double(i == 1), double(i == 2)}, -1.0);
+            each[0]->g[i] = a.x, each[1]->g[i] = a.y, each[2]->g[i] = a.z;
+        }
+        const Jets<6> change{Jet<6>::variable(3), Jet<6>::variable(4), Jet<6>::variable(5)};
+        phi = lifted<6>(at) + change;
+        const Vec3<double> x = part * at;
+        const Jets<6> e = part * change, p = lifted<6>(x), across = cross(p, e), twice = cross(p, across);
+        double f, f1, g, g1;  // dexp = 1 - f [x] + g [x]^2, by y = x^2
+        slopes(dot(x, x), f, f1, g, g1);
+        const Jet<6> along = dot(p, e);
+        const Jets<6> beta =
+            e - f * across + g * twice + 0.5 * g * cross(e, across) - (f1 * along) * across + (g1 * along) * twice;
+        turn = alpha + beta + 0.5 * cross(alpha, beta);
+    }
+
+private:
+    static void slopes(double y, double& f, double& f1, double& g, double& g1) {
+        if (y < series_below) {
+            // (-y)^k / (2k + 2)! and (-y)^k / (2k + 3)!
+            f = f1 = g = g1 = 0;
+            for (int k = 9; k >= 0; --k) {
+                const double a = std::tgamma(2 * k + 3), sign = k % 2 ? -1.0 : 1.0;
+                f1 = f1 * y + f;
+                f = f * y + sign / a;
+                g1 = g1 * y + g;
+                g = g * y + sign / (a * (2 * k + 3));
+            }
+            return;
+        }
+        const double x = std::sqrt(y), s = std::sin(x), c = std::cos(x);
+        f = (1.0 - c) / y;
+        g = (x - s) / (x * y);
+        f1 = (0.5 * x * s - (1.0 - c)) / (y * y);
+        g1 = (1.5 * s - x - 0.5 * x * c) / (x * y * y);
+    }
+};
+
+struct GivenMiddle {
+    Jets<6> theta, nu;
+    explicit GivenMiddle(const Vec3<double>& phi) {
+        const GivenPart half(phi, 0.5);
+        theta = half.turn - 0.5 * first_change(half.turn, half.turn);
+        nu = Rates<6>(theta).solve(half.phi);
+    }
+};
+
+}  // namespace
+
+Matrix6 GivenTurning::slope() const {
+    const GivenMiddle at(phi_);
+    Matrix6 out;
+    const Jets<6> q1 = at.theta - 0.5 * at.nu, q2 = at.theta + 0.5 * at.nu;
+    out << q1.x.g.transpose(), q1.y.g.transpose(), q1.z.g.transpose(), q2.x.g.transpose(), q2.y.g.transpose(),
+        q2.z.g.transpose();
     return out;
+}
+Matrix6 GivenTurning::bend(const Vector6& g) const {
+    const GivenMiddle at(phi_);
+    return weighted(at.theta, at.nu, g);
+}
+GivenTurning::Matrix36 GivenTurning::end_slope() const {
+    const GivenPart whole(phi_, 1.0);
+    Matrix36 out;
+    out << whole.turn.x.g.transpose(), whole.turn.y.g.transpose(), whole.turn.z.g.transpose();
+    return out;
+}
+Matrix6 GivenTurning::end_bend(const Eigen::Vector3d& g) const {
+    const GivenPart whole(phi_, 1.0);
+    return g[0] * whole.turn.x.h + g[1] * whole.turn.y.h + g[2] * whole.turn.z.h;
 }
 
 namespace {

@@ -30,6 +30,7 @@ namespace leastaction {
 // Unit quaternions, scalar first.
 void turn_by(const double* quaternion, const double* rotation_vector, double part, double* out);  // q exp(part phi)
 void rotation_between(const double* from, const double* to, double* out);                         // log(from^-1 to)
+Vec3<double> turned(const double* quaternion, const Vec3<double>& a, double sense = 1.0);         // -1: backwards
 
 class Turning {
 public:
@@ -37,13 +38,17 @@ public:
     using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
     explicit Turning(const double* phi);
+    const double* phi() const { return &phi_.x; }
 
     // Turns of the end (3) as changes of phi, in place.
     void end_to_phi(double* beta) const;
+    // What rows of z (3 each) turn the middle by, phi held: the impulse of a torque, in the axes of the middle.
+    Vec3<double> torque(const double* start, const double* end) const;
     // Derivatives of z (rows) by u (columns).
     const Matrix6& slope() const { return slope_; }
     // g.X_u X_v z, for weights g: u by rows, v by columns.
     Matrix6 bend(const Vector6& g) const;
+    Matrix6 chart(const Vector6& g) const;  // the symmetric part of it
 
     // Of the field Z = X_w z along a turn w: its derivatives X_u Z (rows Z, columns u), and the symmetric part of
     // g.X_u X_v Z; and the symmetric part of h.X_u X_v z.
@@ -53,9 +58,41 @@ public:
     Field field(const Vector6& w, const Vector6& g, const Vector6& h) const;
 
 private:
+    using Matrix36 = Eigen::Matrix<double, 3, 6>;
+
+    // The Hessian by u along exp of g.theta + h.phi + a quadratic form of theta and phi.
+    Matrix6 along(const Eigen::Vector3d& g, const Eigen::Vector3d& h, const Eigen::Matrix3d& mixed,
+                  const Eigen::Matrix3d& own) const;
+
     Vec3<double> phi_;
     double c_, c1_, c2_, tau_, tau1_, tau2_;  // with first and second derivatives by x^2
+    Matrix36 xi_, change_;                    // derivatives of theta and of phi by u
     Matrix6 slope_;
+};
+
+// A ball that is prescribed: the rotation vector phi of a step is given, in place of where it ends. By a turn alpha of the
+// start and a change e of phi, which is an ordinary vector,
+//
+//   the middle turns by   exp(-phi/2)(alpha) * dexp(phi/2) e/2,   the end by   beta = exp(-phi)(alpha) * dexp(phi) e
+//
+// with * the product of turns, a * b = a + b + a x b/2 to second order.
+class GivenTurning {
+public:
+    using Vector6 = Turning::Vector6;
+    using Matrix6 = Turning::Matrix6;
+    using Matrix36 = Eigen::Matrix<double, 3, 6>;
+
+    explicit GivenTurning(const double* phi) : phi_{phi[0], phi[1], phi[2]} {}
+
+    // Derivatives of z (rows) by (alpha, e), and the second ones, weighted.
+    Matrix6 slope() const;
+    Matrix6 bend(const Vector6& g) const;
+    // Of beta (rows), and the second ones.
+    Matrix36 end_slope() const;
+    Matrix6 end_bend(const Eigen::Vector3d& g) const;
+
+private:
+    Vec3<double> phi_;
 };
 
 // Turns about one place alone: J^-1 w of a w that is constant in the body, and its derivatives along exp.

@@ -225,11 +225,12 @@ void MechanismBuilder::add_ball(int joint) {
     bool fits = joint >= 0 && last < static_cast<int>(joints_.size());
     for (int j = joint; fits && j <= last; ++j) {
         const Joint& of = joints_[j];
-        fits = of.simple && of.more.empty() && of.axis == static_cast<Axis>(j - joint) && of.variable < n_dynamic_ &&
+        fits = of.simple && of.more.empty() && of.axis == static_cast<Axis>(j - joint) &&
+               (of.variable < n_dynamic_) == (joints_[joint].variable < n_dynamic_) &&
                of.variable == joints_[joint].variable + j - joint && (j == joint || of.parent == j - 1);
     }
     if (!fits)
-        throw std::invalid_argument("a ball is three joints rx, ry, rz in a row, with dynamic variables in a row");
+        throw std::invalid_argument("a ball is three joints rx, ry, rz in a row, with variables of one kind in a row");
     balls_.push_back(joint);
 }
 void MechanismBuilder::add_body(int joint, const Body& body) { bodies_.emplace_back(check_joint(joint), body); }
@@ -417,9 +418,10 @@ void MechanismBuilder::order_variables(Mechanism& m) const {
         for (int i = 0; i < nq; ++i) m.places[i] += m.external[i] > variable;
     }
     for (const int joint : balls_) {
-        if (joint + 2 >= m.n_massive) throw std::invalid_argument("a ball that moves no mass");
         const int first = m.internal[joints_[joint].variable];
-        m.balls.push_back({first, nq + 4 * static_cast<int>(m.balls.size()), m.places[first]});
+        const bool prescribed = first >= n_dynamic_;
+        if (!prescribed && joint + 2 >= m.n_massive) throw std::invalid_argument("a ball that moves no mass");
+        m.balls.push_back({first, nq + 4 * static_cast<int>(m.balls.size()), m.places[first], joint, prescribed});
     }
 }
 

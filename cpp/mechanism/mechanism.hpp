@@ -49,9 +49,11 @@ struct Rotor {
 // A ball joint whose rotation is a unit quaternion: three joints rx, ry, rz in one frame whose variables are the coordinates
 // of a chart about that rotation. They are zero wherever it is evaluated; their rates are the body's angular velocity.
 struct Ball {
-    int variable;    // the first of three, internal
-    int quaternion;  // where its four numbers stand in q, behind the variables; internal
-    int place;       // and in the user's configuration
+    int variable;     // the first of three, internal
+    int quaternion;   // where its four numbers stand in q, behind the variables; internal
+    int place;        // and in the user's configuration
+    int joint;        // the first of the three
+    bool prescribed;  // of three kinematic variables: then a step is given the rotation vector by which it turns
 };
 
 class Mechanism : public Constants {
