@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, LeastActionError, unknown
 from leastaction.mechanics.discrete.midpoint import MidpointVI
+from leastaction.mechanics.discrete.prescribed import held
 from leastaction.numerics.arrays import Array, as_array, as_count, as_times, read_only, require_instance
 from leastaction.numerics.public import public
 
@@ -130,7 +131,7 @@ def simulate_many(
     starts = np.ascontiguousarray(np.broadcast_to(starts, (B, nx)))
     if given is None:
         resting = np.zeros((B, 1, nu))
-        resting[:, 0, m.n_inputs :] = starts[:, m.nq - m.nrho : m.nq]
+        resting[:, 0, m.n_inputs :] = held(m, starts[:, m.first_rho : m.nq])
         given = np.broadcast_to(resting, (B, N, nu))
     u = np.ascontiguousarray(np.broadcast_to(given, (B, N, nu)))
     cores = _cores(integrator, values, B)

@@ -11,6 +11,7 @@ import numpy as np
 from leastaction.errors import ArgumentError, StepError
 from leastaction.mechanics.continuous.legendre import to_momentum
 from leastaction.mechanics.discrete.midpoint import MidpointVI
+from leastaction.mechanics.discrete.prescribed import divided
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.discrete.system import DiscreteSystem
@@ -42,12 +43,11 @@ class _StepwisePlant(Plant):
         system, parts = self.system, self.substeps
         if parts == 1:
             return np.array(system.f(x, u, min(k, system.N - 1)))
-        m, before = system.mechanism, x[system.mechanism.nq - system.mechanism.nrho : system.mechanism.nq]
-        for j in range(parts):
-            row = u.copy()
-            # Prescribed variables go evenly to where they are commanded.
-            row[m.n_inputs :] = before + (j + 1) / parts * (u[m.n_inputs :] - before)
-            x = np.array(system.f(x, row, parts * k + j))
+        m = system.mechanism
+        # Prescribed variables go evenly to where they are commanded.
+        ways = divided(m, x[m.first_rho : m.nq], u[m.n_inputs :], parts)
+        for j, way in enumerate(ways):
+            x = np.array(system.f(x, np.concatenate((u[: m.n_inputs], way)), parts * k + j))
         return x
 
 

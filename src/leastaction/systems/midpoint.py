@@ -25,6 +25,7 @@ from leastaction.mechanics.discrete.outcome import quality_of, step_error
 from leastaction.mechanics.discrete.sensitivity import start_by
 from leastaction.mechanics.discrete.step_sensitivity import by_time_step, steps_by
 from leastaction.mechanics.discrete.trajectory import Trajectory
+from leastaction.mechanics.discrete.turns import differences
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.units import input_units, multiplier_units, state_units
 from leastaction.numerics.arrays import Array, as_number, as_times, require_instance
@@ -442,7 +443,7 @@ class MidpointSystem(DiscreteSystem):
         x = np.zeros((self.N + 1, self.nx))
         x[:, : m.nq], x[:, m.nq : m.nq + m.nd] = q, p
         x[0, m.nq + m.nd : m.nx] = first
-        x[1:, m.nq + m.nd : m.nx] = np.diff(q[:, m.nq - m.nrho :], axis=0) / np.diff(self.t)[:, None]
+        x[1:, m.nq + m.nd : m.nx] = differences(m, q[1:], q[:-1])[:, m.nd :] / np.diff(self.t)[:, None]
         return x
 
     def _failure(self, status: StepStatus, worst: StepQuality | None, k: int) -> str:

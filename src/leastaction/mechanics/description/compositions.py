@@ -155,10 +155,10 @@ def _compose(
     options: FrameOptions,
 ) -> Composition:
     quaternion = str(axes) == QUATERNION and turns == 3
-    if quaternion and not (isinstance(variables, str) and kinematic is False):
+    if quaternion and not isinstance(variables, str):
         raise DescriptionError(
-            f"{kind}: with axes={QUATERNION!r} expected the name of a joint that is not kinematic, got {variables!r} "
-            f"and kinematic={kinematic!r}; coordinates of your own and prescribed ones are angles: give their axes"
+            f"{kind}: with axes={QUATERNION!r} expected the name of a joint, got {variables!r}; coordinates of your "
+            "own are angles: give their axes"
         )
     if not quaternion:
         _check_axes(axes, turns, kind)
@@ -184,6 +184,12 @@ def _compose(
     every = tuple(dict.fromkeys(name for part in parts for name in part.names))
     label = f"{kind}({', '.join(every)})"
     prescribed = kinematic_names(kinematic, every, label)
+    turned_by = every[-3:] if quaternion else ()
+    if 0 < len(set(turned_by).intersection(prescribed)) < len(turned_by):
+        raise DescriptionError(
+            f"{label}: kinematic lists some turns of a rotation that is a quaternion; list all of "
+            f"{', '.join(turned_by)} or none"
+        )
     group = Group(kind, prefix or own.get("name") or label, axes)
     last = len(transforms) - 1
     return Composition(

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.mechanics.discrete.integrator import Integrator
+from leastaction.mechanics.discrete.prescribed import prescribed_rotations
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.public import public
@@ -149,6 +150,10 @@ def step_pattern(mechanism: Mechanism, *, multipliers: bool) -> npt.NDArray[np.b
     k = np.arange(m.nrho)
     pattern[m.nd + k, ny + m.n_inputs + k] = True
     pattern[nv + m.nd + k, ny + m.n_inputs + k] = pattern[nv + m.nd + k, m.nd + k] = True
+    for _, _, first in prescribed_rotations(m):
+        turns = first + np.arange(3)
+        pattern[np.ix_(m.nd + turns, m.nd + turns)] = pattern[np.ix_(m.nd + turns, ny + m.n_inputs + turns)] = True
+        pattern[nv + m.nd + turns, m.nd + turns] = False
     return pattern
 
 

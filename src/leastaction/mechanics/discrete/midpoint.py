@@ -29,6 +29,7 @@ from leastaction.mechanics.discrete import sensitivity as of_trajectories
 from leastaction.mechanics.discrete import step_sensitivity as of_steps
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.outcome import quality_of, step_error
+from leastaction.mechanics.discrete.prescribed import inputs_along
 from leastaction.mechanics.discrete.step import Step
 from leastaction.mechanics.discrete.trajectory import (
     State,
@@ -38,7 +39,8 @@ from leastaction.mechanics.discrete.trajectory import (
     trajectory_of,
     vector_of,
 )
-from leastaction.mechanics.mechanism.arguments import angles_only, inputs_of, rates, single
+from leastaction.mechanics.discrete.turns import differences
+from leastaction.mechanics.mechanism.arguments import angles_only, configuration_on, inputs_of, rates, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
 from leastaction.numerics.arrays import (
@@ -193,7 +195,8 @@ class MidpointVI(Integrator):
         h = as_time_step(dt)
         u = inputs_of(m, inputs)
         _, p = self.core.momenta(first, second, u, h, h)
-        return State(as_number(t, "t"), second.copy(), p[: m.nd], (second - first)[m.nq - m.nrho :] / h)
+        moved = differences(m, second[None], first[None])[0]
+        return State(as_number(t, "t"), second.copy(), p[: m.nd], moved[m.nd :] / h)
 
     # Motion
 
@@ -210,7 +213,7 @@ class MidpointVI(Integrator):
         inputs : array_like, shape (n_inputs,), optional
             Inputs over the step; zero if not given.
         rho_next : array_like, shape (nrho,), optional
-            Kinematic variables at its end; unchanged if not given.
+            Kinematic variables at its end, of rotations that are quaternions these; unchanged if not given.
 
         Raises
         ------
@@ -231,16 +234,19 @@ class MidpointVI(Integrator):
         h = as_time_step(dt)
         u = inputs_of(m, inputs)
         start = vector_of(m, state)
-        before = start[m.nq - m.nrho : m.nq]
-        rho = before if rho_next is None else as_array(rho_next, "rho_next", (m.nrho,), names=m.kinematic)
+        before, rho = start[m.first_rho : m.nq], start[m.first_rho : m.nq]
+        if rho_next is not None:
+            names = m.coordinates[m.first_rho :]
+            given = as_array(rho_next, "rho_next", (len(names),), names=names)
+            rho = configuration_on(m, np.concatenate((start[: m.first_rho], given)), "rho_next")[m.first_rho :]
         begin = as_number(state.t, "state.t")
         t = np.array((begin, begin + h))
         if self.reels:
-            check_lengths(m, np.concatenate((start[: m.nq - m.nrho], rho))[None, :], t[1:])
-        controls = np.concatenate((u, rho)) if m.nrho else u
+            check_lengths(m, np.concatenate((start[: m.first_rho], rho))[None, :], t[1:])
+        controls = np.concatenate((u, inputs_along(m, np.stack((before, rho)))[0])) if m.nrho else u
         out = self.core.roll_out(t, start, None, controls[None, :], None)
         if out.steps < 1:
-            raise step_error(m, out, state, rho)
+            raise step_error(m, out, state, controls[m.n_inputs :])
         x = out.x[1]
         # The start is the end of the step before, which has told of it.
         if self.watch.balls:

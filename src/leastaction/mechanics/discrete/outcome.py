@@ -8,6 +8,7 @@ from leastaction import _core
 from leastaction.errors import InconsistentStartError, StepError, worst_first
 from leastaction.mechanics.configuration.assembly import check_consistent
 from leastaction.mechanics.configuration.contradiction import find_contradiction
+from leastaction.mechanics.discrete.prescribed import reached
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
@@ -30,9 +31,9 @@ def quality_of(mechanism: Mechanism, out: _core.RollOut, t: Array) -> StepQualit
     return StepQuality(float(t[worst.k]), worst.s, worst.angle, name)
 
 
-def step_error(m: Mechanism, out: _core.RollOut, state: State, rho_next: Array) -> StepError:
-    """Return the error of a roll-out of the core that failed after `state`, going to `rho_next`."""
-    wanted = np.concatenate([state.q[: m.nd], rho_next])
+def step_error(m: Mechanism, out: _core.RollOut, state: State, given: Array) -> StepError:
+    """Return the error of a roll-out of the core that failed after `state`; ``given``: inputs of what is prescribed."""
+    wanted = np.concatenate([state.q[: m.first_rho], reached(m, state.q[m.first_rho :], given)])
     found = find_contradiction(m, wanted) if np.all(np.isfinite(wanted)) else None
     advice = "Try a smaller time step, or prescribed variables and inputs that the mechanism can follow"
     if found is not None:

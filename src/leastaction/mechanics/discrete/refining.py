@@ -16,6 +16,7 @@ import numpy as np
 
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.outcome import quality_of
+from leastaction.mechanics.discrete.prescribed import held, inputs_along, prescribed_rows, reached
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.signals import Signal, signal_rows
@@ -32,13 +33,12 @@ _ROUNDING = 1e-10  # rounding of an energy, of the sizes of all its terms
 class Controls:
     """Inputs, and prescribed variables at the end, of parts of steps.
 
-    ``u``: of the steps (N, n_inputs + nrho). ``rho_start``: the prescribed variables at the first instant.
+    ``u``: of the steps (N, n_inputs + nrho). ``places``: the prescribed part of q at all instants.
     """
 
-    def __init__(self, m: Mechanism, t: Array, inputs: Signal, rho: Signal, u: Array, rho_start: Array) -> None:
-        self.m, self.t, self.u = m, t, u
+    def __init__(self, m: Mechanism, t: Array, inputs: Signal, rho: Signal, u: Array, places: Array) -> None:
+        self.m, self.t, self.u, self.places = m, t, u, places
         self.inputs, self.rho = inputs, rho
-        self.places = np.vstack((rho_start[None, :], u[:, m.n_inputs :]))
 
     def __call__(self, k: int, begin: float, end: float) -> Array:
         """Return those of a part of step k between two times."""
@@ -48,12 +48,21 @@ class Controls:
             return row
         if callable(self.inputs):
             row[:n] = signal_rows(self.inputs, np.array([0.5 * (begin + end)]), m.inputs, "inputs", row[:n])[0]
-        if callable(self.rho):
-            row[n:] = signal_rows(self.rho, np.array([end]), m.kinematic, "rho", row[n:])[0]
-        elif m.nrho:
-            share = (end - self.t[k]) / (self.t[k + 1] - self.t[k])
-            row[n:] = self.places[k] + share * (self.places[k + 1] - self.places[k])
+        if m.nrho:
+            row[n:] = inputs_along(m, np.vstack([self._place(k, begin), self._place(k, end)]))[0]
         return row
+
+    def _place(self, k: int, at: float) -> Array:
+        """Return the prescribed part of q at a time within step k."""
+        for j in (k, k + 1):
+            if at == self.t[j]:
+                return self.places[j]
+        if callable(self.rho):
+            whole = np.zeros(self.m.nq)
+            whole[self.m.first_rho :] = self.places[k]
+            return prescribed_rows(self.m, self.rho, np.array([at]), whole)[0]
+        share = (at - self.t[k]) / (self.t[k + 1] - self.t[k])
+        return reached(self.m, self.places[k], self.u[k, self.m.n_inputs :], share)
 
 
 @dataclass
@@ -196,7 +205,7 @@ class _Refiner:
         """Return the energy at a state, and the sizes of its terms: in the middle of a very short step."""
         m, short = self.vi.mechanism, _SHORT * h
         row = u.copy()
-        row[m.n_inputs :] = x[m.nq - m.nrho : m.nq] + short * x[m.nx - m.nrho :]
+        row[m.n_inputs :] = held(m, x[m.first_rho : m.nq]) + short * x[m.nx - m.nrho :]
         out = self.vi.core.roll_out(np.array((t, t + short)), x.copy(), None, row[None, :], None, energies=True)
         if out.steps < 1:
             return None

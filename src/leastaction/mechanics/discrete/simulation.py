@@ -15,6 +15,7 @@ from leastaction.mechanics.discrete.balance import DiscreteBalance, balance_of, 
 from leastaction.mechanics.discrete.feedback import MidpointLaw
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.outcome import quality_of, step_error
+from leastaction.mechanics.discrete.prescribed import inputs_along, prescribed_rows
 from leastaction.mechanics.discrete.refining import Controls, Refined, refined
 from leastaction.mechanics.discrete.rounding import eaten
 from leastaction.mechanics.discrete.trajectory import (
@@ -62,8 +63,9 @@ def simulate(
         ``(t, x)``, such as `Feedback`, of the time and the state ``x = [q; rho; p; v_rho]`` (see `law_at`).
         One input may be given as (N,). Zero if not given.
     rho : array_like (N+1, nrho) or (N, nrho), or callable, optional
-        Kinematic variables at every instant (or at the ends of the steps), or a function of time.
-        Unchanged if not given.
+        Kinematic variables at every instant (or at the ends of the steps), or a function of time. Of rotations that
+        are quaternions these, in the order of `Mechanism.coordinates`, less than half a turn apart. Unchanged if not
+        given.
     law_at : {"start", "midpoint"}, optional
         Where in each step a feedback is evaluated: at its start, and held over it, as a digital controller does; or
         at its midpoint, where forces act (``q = (q1 + q2)/2``, ``v = (q2 - q1)/dt``, p = dL/dv). The closed loop is
@@ -108,18 +110,19 @@ def simulate(
         raise ArgumentError(f"t: the first time is {times[0]} s, but the start is at {start.t} s; they must agree")
     N = len(times) - 1
     middle = 0.5 * (times[1:] + times[:-1])
-    rho_next = signal_rows(rho, times[1:], m.kinematic, "rho", start.q[m.nq - m.nrho :], extra_row=True)
-    check_lengths(m, np.hstack([np.tile(start.q[: m.nq - m.nrho], (N, 1)), rho_next]), times[1:])
+    rows = prescribed_rows(m, rho, times[1:], start.q)
+    places = np.vstack([start.q[None, m.first_rho :], rows])
+    check_lengths(m, np.hstack([np.tile(start.q[: m.first_rho], (N, 1)), rows]), times[1:])
     law = inputs if takes_state(inputs) else None
     as_choice(law_at, "law_at", get_args(LawAt))
     forces = None if law is not None else cast(Signal, inputs)
-    u = np.hstack([signal_rows(forces, middle, m.inputs, "inputs", np.zeros(m.n_inputs)), rho_next])
+    u = np.hstack([signal_rows(forces, middle, m.inputs, "inputs", np.zeros(m.n_inputs)), inputs_along(m, places)])
     first, found = u[0, : m.n_inputs].copy(), None
     if energy_tolerance is not None:
         most = as_number(energy_tolerance, "energy_tolerance", above=0.0)
         if law is not None:
             raise ArgumentError("energy_tolerance: got one and a feedback; it goes with inputs that are known before")
-        controls = Controls(m, times, forces, rho, u, start.q[m.nq - m.nrho :])
+        controls = Controls(m, times, forces, rho, u, places)
         found = refined(vi, vector_of(m, start), times, controls, most, progress)
         times, u = np.array([times[0], *found.t]), np.array(found.u).reshape(len(found.u), u.shape[1])
         progress = None

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.mechanics.discrete.balance import DiscreteBalance
+from leastaction.mechanics.discrete.prescribed import inputs_along
 from leastaction.mechanics.discrete.tensions import tensions
 from leastaction.mechanics.discrete.turns import differences, middles
 from leastaction.mechanics.mechanism.arguments import angles_only
@@ -153,8 +154,11 @@ class Trajectory(BaseTrajectory[State]):
 
     @property
     def u(self) -> Array:
-        """Inputs of the discrete system ``[inputs; rho_next]``, shape (N, n_inputs + nrho)."""
-        return np.hstack([self.inputs, self.rho[1:]])
+        """Inputs of the discrete system ``[inputs; rho_next]``, shape (N, n_inputs + nrho).
+
+        Of rotations that are prescribed as quaternions the vectors that steps turn by (rad).
+        """
+        return np.hstack([self.inputs, inputs_along(self.mechanism, self.rho)])
 
     @property
     def v(self) -> Array:

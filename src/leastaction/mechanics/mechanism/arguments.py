@@ -33,6 +33,7 @@ class Compiled(ABC):
     constraints: tuple[str, ...]
     nd: int
     nrho: int
+    first_rho: int
     nq: int
     nv: int
     n_inputs: int

@@ -146,10 +146,12 @@ def plan(
         shared=checked_groups({} if shared is None else shared),
     )
     for rotation in tree.rotations:
-        first = result.dynamic.index(rotation.variables[0])
-        if result.dynamic[first : first + 3] != rotation.variables:
+        kind = "kinematic" if rotation.variables[0] in result.kinematic else "dynamic"
+        order: tuple[str, ...] = getattr(result, kind)
+        first = order.index(rotation.variables[0])
+        if order[first : first + 3] != rotation.variables:
             raise DescriptionError(
-                f"dynamic: the turns of {rotation.name!r} stand apart; list {', '.join(rotation.variables)} in a row"
+                f"{kind}: the turns of {rotation.name!r} stand apart; list {', '.join(rotation.variables)} in a row"
             )
     context = result.context()
     for element in elements:

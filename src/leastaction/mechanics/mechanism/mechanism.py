@@ -76,6 +76,8 @@ class Mechanism(Compiled):
     nd, nrho, nq, n_inputs, nc, nx : int
         How many dynamic variables, kinematic ones, both, inputs (of forces), scalar constraints, and
         entries of the discrete state ``x = [q; rho; p; v_rho]``.
+    first_rho : int
+        Where the kinematic variables begin in a configuration: at nd, or behind the quaternions of dynamic rotations.
     core : _core.Mechanism
         The compiled mechanism.
     parts : mapping of str to Parts
@@ -133,6 +135,7 @@ class Mechanism(Compiled):
             "constraints": settled.constraints,
             "nd": nd,
             "nrho": nrho,
+            "first_rho": len(settled.tree.coordinates(settled.dynamic)),
             "nq": len(coordinates),
             "nv": nd + nrho,
             "coordinates": coordinates,

@@ -76,8 +76,8 @@ class BaseTrajectory(Frozen, Savable, ABC, Generic[S_co]):
 
     @property
     def rho(self) -> Array:
-        """Kinematic variables, shape (N+1, nrho)."""
-        return self.q[:, self.mechanism.nq - self.mechanism.nrho :]
+        """Kinematic variables, shape (N+1, nrho); of rotations that are quaternions these, one column more."""
+        return self.q[:, self.mechanism.first_rho :]
 
     @property
     @abstractmethod

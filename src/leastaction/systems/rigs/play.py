@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, StepError
 from leastaction.mechanics.discrete.midpoint import MidpointVI
+from leastaction.mechanics.discrete.prescribed import divided
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, require_instance
@@ -120,9 +121,8 @@ def _driven(machine: MidpointVI, parts: int, t: Array, x: Array, command: Array)
     ``t`` (2,): the times of the step. The prescribed variables go evenly to where they are commanded.
     """
     m, shares = machine.mechanism, np.arange(1, parts + 1)[:, None] / parts
-    before = x[m.nd : m.nq]
     rows = np.tile(command, (parts, 1))
-    rows[:, m.n_inputs :] = before + shares * (command[m.n_inputs :] - before)
+    rows[:, m.n_inputs :] = divided(m, x[m.first_rho : m.nq], command[m.n_inputs :], parts)
     out = machine.core.roll_out(t[0] + np.append(0.0, shares) * (t[1] - t[0]), x, None, rows, None)
     if out.steps < parts or not np.isfinite(out.x[-1]).all():
         return None

@@ -1,0 +1,76 @@
+"""What is prescribed, as inputs of steps: a variable at their ends, of a rotation the vector that a step turns by.
+
+A rotation that is a quaternion is prescribed as a curve of quaternions, and a step from R1 to R2 is given
+``log(R1^-1 R2)``: three numbers without a constraint, in the place of the three turns, so inputs are plain vectors.
+"Places" are the prescribed part of a configuration, (nq - first_rho,), with all four numbers of a quaternion.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from leastaction.mechanics.description.tree import BallRotation
+from leastaction.mechanics.mechanism.arguments import configuration_on
+from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.arrays import Array
+from leastaction.numerics.rotations import exponential, inverse, logarithm, product
+from leastaction.numerics.signals import Signal, signal_rows
+
+
+def prescribed_rotations(m: Mechanism) -> list[tuple[BallRotation, int, int]]:
+    """Return rotations that are prescribed, where their quaternions begin in places, and their turns in `kinematic`."""
+    return [
+        (each, m.coordinates.index(each.quaternion[0]) - m.first_rho, m.kinematic.index(each.variables[0]))
+        for each in m.tree.rotations
+        if each.variables[0] in m.kinematic
+    ]
+
+
+def prescribed_rows(m: Mechanism, rho: Signal, t: Array, start: Array) -> Array:
+    """Return the places at the ends of steps (N, nq - first_rho), checked.
+
+    ``rho``: as of `simulate`. ``t``: times of the ends. ``start`` (nq,): the first configuration.
+    """
+    first, names = m.first_rho, m.coordinates[m.first_rho :]
+    rows = signal_rows(rho, t, names, "rho", start[first:], extra_row=True)
+    if not prescribed_rotations(m):
+        return rows
+    whole = np.hstack([np.tile(start[:first], (len(rows), 1)), rows])
+    return configuration_on(m, whole, "rho")[:, first:]
+
+
+def inputs_along(m: Mechanism, places: Array) -> Array:
+    """Return the inputs (N, nrho) of steps between instants with these places (N+1, nq - first_rho)."""
+    u = held(m, places[1:])
+    for _, place, turn in prescribed_rotations(m):
+        q = places[:, place : place + 4]
+        u[:, turn : turn + 3] = logarithm(product(inverse(q[:-1]), q[1:]))
+    return u
+
+
+def held(m: Mechanism, places: Array) -> Array:
+    """Return the inputs (..., nrho) of steps over which places (..., nq - first_rho) stay."""
+    u = places.copy()
+    for _, place, _ in sorted(prescribed_rotations(m), key=lambda each: -each[1]):  # the last first
+        u = np.concatenate([u[..., :place], np.zeros((*u.shape[:-1], 3)), u[..., place + 4 :]], axis=-1)
+    return u
+
+
+def reached(m: Mechanism, places: Array, u: Array, share: float = 1.0) -> Array:
+    """Return the places (nq - first_rho,) after a share of a step from places under inputs (nrho,)."""
+    out = np.empty_like(places)
+    plain = np.ones(len(places), dtype=bool), np.ones(m.nrho, dtype=bool)
+    for _, place, turn in prescribed_rotations(m):
+        out[place : place + 4] = product(places[place : place + 4], exponential(share * u[turn : turn + 3]))
+        plain[0][place : place + 4] = plain[1][turn : turn + 3] = False
+    out[plain[0]] = places[plain[0]] + share * (u[plain[1]] - places[plain[0]])
+    return out
+
+
+def divided(m: Mechanism, places: Array, u: Array, parts: int) -> Array:
+    """Return the inputs (parts, nrho) of equal parts of a step from places under inputs (nrho,): all goes evenly."""
+    before = held(m, places)
+    rows = np.asarray(before + np.arange(1, parts + 1)[:, None] / parts * (u - before))
+    for _, _, turn in prescribed_rotations(m):
+        rows[:, turn : turn + 3] = u[turn : turn + 3] / parts
+    return rows
