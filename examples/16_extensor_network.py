@@ -13,22 +13,21 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 import leastaction as la
-from leastaction.viz import plot_poses, plot_run, save_png
+from leastaction.viz import BLUE, VERMILION, new_figure, plot_poses, plot_run, save_png, styled
 
 BACK = 0.006  # how far the tendons are from the middle of the bones (m)
 FRAMES = [
-    la.pose(translation=(-0.06, BACK, 0.0), name="muscle"),
-    la.pose(translation=(0.039, BACK, 0.0), name="over 0"),
+    la.pose(translation=(-0.06, BACK, 0.0), name="muscle"), la.pose(translation=(0.039, BACK, 0.0), name="over 0"),
     la.tx("knot.x"), [la.ty("knot.y", name="knot", mass=0.002)],
     la.tx(0.045), [la.rz({"joint1": -1.0}, mass=0.012, com=(0.014, 0.0, 0.0), inertia=(0.0, 8e-7, 8e-7)), [
         la.pose(translation=(0.006, BACK, 0.0), name="under 1"),
         la.pose(translation=(0.014, BACK, 0.0), name="middle of 1"),
         la.pose(translation=(0.024, BACK, 0.0), name="over 1"),
         la.tx(0.028), [la.rz({"joint2": -1.0}, mass=0.007, com=(0.01, 0.0, 0.0), inertia=(0.0, 2e-7, 2e-7)), [
-            la.pose(translation=(0.005, BACK, 0.0), name="under 2"),
-            la.tx(0.02, name="tip"),
+            la.pose(translation=(0.005, BACK, 0.0), name="under 2"), la.tx(0.02, name="tip"),
         ]],
     ]],
 ]  # fmt: skip
@@ -42,6 +41,18 @@ ELEMENTS = [
     la.elements.ElasticString(SLIP, 8e3, 0.031, smoothing=3e-4, name="slip"),  # as long as on the straight finger (m)
     la.elements.ElasticString(BAND, 4e3, 0.058, smoothing=3e-4, name="band"),
 ]
+
+
+@styled
+def plot_shares(run: la.Trajectory) -> Figure:
+    """Draw what slip and band pull with."""
+    figure = new_figure(8.0, 2.2, layout=None)
+    axes = figure.add_axes((0.0975, 0.23, 0.884, 0.6))
+    for (name, tension), colour in zip(run.tensions().items(), (BLUE, VERMILION), strict=True):
+        axes.plot(0.5 * (run.t[1:] + run.t[:-1]), tension, color=colour, label=name)
+    axes.legend(loc="upper left")
+    axes.set(xlabel="time (s)", ylabel="tension (N)", xlim=(0.0, run.t[-1]))
+    return figure
 
 
 def main(output: Path) -> None:
@@ -58,7 +69,7 @@ def main(output: Path) -> None:
     vi, t = la.MidpointVI(m), np.linspace(0.0, 4.0, 4001)
     run = vi.simulate(vi.start(start), t, inputs=np.interp(t[1:], [0.1, 3.5], [0.2, 8.6]))
     output.mkdir(parents=True, exist_ok=True)
-    figures = [plot_poses(run, [0.0, 1.2, 4.0]), plot_run(run, ["joint1", "joint2", "pull"])]
+    figures = [plot_poses(run, [0.0, 1.2, 4.0]), plot_run(run, ["joint1", "joint2", "pull"]), plot_shares(run)]
     save_png(figures, output / "16_extensor_network.png", dpi=110)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
@@ -115,7 +116,7 @@ def signal_panels(
             contents.append([group])
             ranges.append(least)
             continue
-        columns = min(len(group), _COLUMNS)
+        columns = math.ceil(len(group) / math.ceil(len(group) / _COLUMNS))  # rows as long as each other
         for start in range(0, len(group), columns):
             part = group[start : start + columns]
             rows.append(PanelRow(count=len(part), height=_SMALL, label=label, starts=start == 0, columns=columns))

@@ -167,7 +167,8 @@ def _draw(
         for known, another in zip(compared, LINES[1:], strict=False):
             if signal.key in known:
                 same = replace(known[signal.key], unit=signal.unit)
-                draw_line(panel.axes, same, linewidth=1.2, zorder=2.8, **another)
+                # Above the first: dashes leave a line below them to be seen, a line leaves no dashes.
+                draw_line(panel.axes, same, linewidth=1.2, zorder=3.2, **another)
         factor = drawn_unit(signal.unit)[0]
         at_least(panel.axes, panel.least)
         lines = bounds.get(signal.key, [])

@@ -193,4 +193,7 @@ def _after_newton(expected: float, before: NewtonSchedule) -> float:
     Newton's method squares it, but for a factor. The full step before tells the most that this may be, whichever its
     model was. ``expected``: that before Newton's step. ``before``: the schedule then.
     """
-    return expected**3 / before.expected**2 if before.full else np.inf
+    if not before.full:
+        return np.inf
+    ratio = expected / before.expected
+    return expected * ratio * ratio  # products overflow to infinity, powers of floats in an error
