@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -121,7 +122,7 @@ def test_derivatives_are_those_of_differences(elements: tuple[Element, ...]) -> 
     ends = np.cumsum([0, m.nv, m.nv, m.n_inputs, m.nrho])
 
     def solved(d: Array) -> Array:
-        dq, dv, du, da = (d[begin:end] for begin, end in zip(ends[:-1], ends[1:], strict=True))
+        dq, dv, du, da = (d[begin:end] for begin, end in pairwise(ends))
         out = dynamics.accelerations(moved(m, q[None], dq[None])[0], v + dv, u + du, rho_a + da)
         return np.concatenate([out.a, out.lam])
 

@@ -205,9 +205,7 @@ class ContinuousDynamics:
         check_memory((m.nd + m.nc, n, n), max_bytes, "tensors", "contract them by curvature(..., z_a=...)")
         points = self._points(q, v, u, rho_a)
         if not points.single:
-            raise ArgumentError(
-                f"tensors: got {len(points.arrays[0])} points, expected one: q of shape ({m.nq},)"
-            )
+            raise ArgumentError(f"tensors: got {len(points.arrays[0])} points, expected one: q of shape ({m.nq},)")
         out = self._solved(self.core.tensors(*points.arrays), points, t).derivatives
         return AccelerationTensors(out[: self.mechanism.nd], out[self.mechanism.nd :])
 

@@ -1,4 +1,4 @@
-"""Rotations that are quaternions in continuous time: simulation, constraints, and the same motion otherwise described."""
+"""Rotations that are quaternions in continuous time: simulation, constraints, the same motion otherwise described."""
 
 from __future__ import annotations
 
@@ -77,7 +77,12 @@ def linked(axes: str) -> Mechanism:
     upper = ball("upper", axes=axes, name="top", mass=0.8, com=(0.03, 0.0, -0.2), inertia=(0.03, 0.02, 0.02))
     tree = [upper, [tz(-0.4), [lower, [tz(-0.5, name="tip")]]], tx(0.6, name="peg")]
     return Mechanism(
-        tree, [Gravity(), Distance("tip", "peg", float(np.hypot(0.6, 0.9)), name="rod"), BodyWrench("low", force=(0.0, "pull", 0.0))]
+        tree,
+        [
+            Gravity(),
+            Distance("tip", "peg", float(np.hypot(0.6, 0.9)), name="rod"),
+            BodyWrench("low", force=(0.0, "pull", 0.0)),
+        ],
     )
 
 
