@@ -133,6 +133,21 @@ def test_rates_of_turns_are_mean_angular_velocities() -> None:
     assert rates == pytest.approx(expected, abs=1e-11)
 
 
+@pytest.mark.parametrize("axes", ["world", "frame"])
+def test_jacobians_of_frames_move_as_differences_say(axes) -> None:
+    x, point = states(3), (0.1, -0.2, 0.3)
+
+    def J(dx):
+        moved = SYSTEM.plus(x, np.tile(np.r_[dx, np.zeros(SYSTEM.ndx - M.nv)], (3, 1)))
+        return M.frame_jacobian(moved[:, : M.nq], "hand", point=point, axes=axes)
+
+    found = M.frame_jacobian_derivative(x[:, : M.nq], "hand", point=point, axes=axes)
+    assert found.shape == (3, 6, M.nv, M.nv)
+    for j, step in enumerate(np.eye(M.nv)):
+        slope = fourth_order(lambda by, step=step: J(by * step), 1e-3)
+        np.testing.assert_allclose(found[..., j], slope, atol=1e-9)
+
+
 def test_mixed_derivatives_of_the_logarithm() -> None:
     phi, w = RNG.standard_normal((4, 3)), RNG.standard_normal((4, 3))
     phi[0] *= 1e-3  # where series stand in

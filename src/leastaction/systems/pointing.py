@@ -52,7 +52,7 @@ class AngleToDirection(Quantity):
         q = self._q(at)
         axis, towards = self._directions(q)
         own, *other = self.turned.turns(q)
-        return self._scale * (np.cross(axis, towards)[:, None] @ (own - other[0] if other else own))
+        return np.asarray(self._scale * (np.cross(axis, towards)[:, None] @ (own - other[0] if other else own)))
 
     def curvature(self, at: Samples, y: Array) -> Array:
         q = self._q(at)

@@ -68,8 +68,7 @@ class Rates(Quantity):
         moved = len(self._moved)
         out = np.zeros((len(at.k), 2, moved, 2, moved))
         for e, (_, rows, axes, by) in zip(self._turns(at), self._turned, strict=True):
-            w = np.zeros(e.shape)
-            np.add.at(w, (slice(None), axes), y[:, rows] / self.dt[at.k, None])
+            w = (y[:, rows] / self.dt[at.k, None]) @ np.eye(3)[axes]
             mixed = rotations.logarithm_mixed(e, w)
             out[:, 0, by, 0, by] = -rotations.logarithm_curvature(-e, w)
             out[:, 0, by, 1, by], out[:, 1, by, 0, by] = mixed, mixed.swapaxes(1, 2)
