@@ -45,14 +45,14 @@ def solve() -> la.OptimizationResult:
     start = system.integrator.start(CAT.configuration({"front.qw": 0.0, "front.qx": 1.0})).x
     s = T[1:, None] / T[-1]
     u = -0.65 * np.sqrt(np.sin(np.pi * s)) * np.hstack([np.cos(2.0 * np.pi * s), np.sin(2.0 * np.pi * s)])
-    plain = la.QuadraticCost(start, np.zeros((60, 2)), Q=np.zeros(system.ndx), R=[1e-4, 1e-4], space=system)
+    cost = la.QuadraticCost(start, np.zeros((60, 2)), Q=np.zeros(system.ndx), R=[100.0, 100.0], space=system)
     limits = [
         Bound("bend", -0.4, 0.8), Bound("sway", -0.6, 0.6),  # of each of both joints (rad)
         Pointing("rear", (1, 0, 0), (1, 0, 0), within=1.3, origin="front"),  # of all of the back
         Pointing("front", (0, 0, 1), (0, 0, 1), within=0.03, at="end"),  # on its feet
         Equal(["bend", "sway"], 0.0), Equal(["bend", "sway"], 0.0, of="rate"),
     ]  # fmt: skip
-    return la.optimize(system, SmoothCost(plain, system, {"bend": 1e-6, "sway": 3e-6}), initial=(start, u), limits=limits)
+    return la.optimize(system, SmoothCost(cost, system, {"bend": 1.0, "sway": 3.0}), initial=(start, u), limits=limits)
 
 
 def main(output: Path) -> la.OptimizationResult:
