@@ -180,7 +180,7 @@ def gain_to_discrete(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, K: ArrayL
     """Return the gains on the discrete state that do what given ones do on the continuous state.
 
     Both as ``u = ubar - K (x - xbar)``, with ``x = [q; rho; v; v_rho]``, ``u = [inputs; rho_a]`` there and
-    ``x = [q; rho; p; v_rho]``, ``u = [inputs; rho_next]`` here. Where a rotation is a quaternion, the gains there are by
+    ``x = [q; rho; p; v_rho]``, ``u = [inputs; rho_next]`` here. Where a rotation is a quaternion, gains there are by
     the numbers of the state, and those here by differences of states: (n_inputs + nrho, ndx).
 
     Deviations of the states are related by the Jacobian T of the Legendre transform, so a force input has the
