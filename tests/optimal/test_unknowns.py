@@ -823,7 +823,6 @@ def test_what_is_wrong_is_named_at_once() -> None:
         Periodic("a", offset=0.4)
 
 
-
 def test_what_nothing_tells_of_cannot_be_found() -> None:
     system = slide(10)
     cost = nothing_wanted(system, Q=[0.0, 0.0], R=[1.0])

@@ -137,9 +137,7 @@ def start_by(vi: Integrator, q: Array, names: Sequence[str], hold: Sequence[str]
     return out
 
 
-def velocity_by(
-    m: Mechanism, q: Array, v: Array, names: Sequence[str], dq: Array, hold: Sequence[str] | None
-) -> Array:
+def velocity_by(m: Mechanism, q: Array, v: Array, names: Sequence[str], dq: Array, hold: Sequence[str] | None) -> Array:
     """Return derivatives (nd, len(names)) of a velocity that keeps the constraints as they change.
 
     ``Dh v = 0`` at the start, whose configuration changes by dq; the velocities of held variables stay.
