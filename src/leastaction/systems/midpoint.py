@@ -25,18 +25,18 @@ from leastaction.mechanics.discrete.outcome import quality_of, step_error
 from leastaction.mechanics.discrete.sensitivity import start_by
 from leastaction.mechanics.discrete.step_sensitivity import by_time_step, steps_by
 from leastaction.mechanics.discrete.trajectory import Trajectory
-from leastaction.mechanics.discrete.turns import differences
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.units import input_units, multiplier_units, state_units
+from leastaction.mechanics.mechanism.turns import differences
 from leastaction.numerics.arrays import Array, as_number, as_times, require_instance
 from leastaction.numerics.dataset import Dataset
 from leastaction.numerics.frozen import changed, restore_state, saved_state
 from leastaction.numerics.public import public
 from leastaction.numerics.step_quality import StepQuality
-from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, check_window
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, check_window
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.space import ProductSpace, Rotations, StateSpace, Vectors
-from leastaction.optimal.system import Linearization
+from leastaction.optimal.system import FINAL_TIME, Linearization
 from leastaction.systems.quantities.discrete import ACROSS, KINDS, quantity_of
 from leastaction.systems.quantities.physical import conditions_of
 from leastaction.systems.saving import dataset_with_multipliers

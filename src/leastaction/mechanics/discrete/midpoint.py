@@ -20,29 +20,37 @@ from leastaction import _core
 from leastaction.errors import (
     ArgumentError,
     CoarseStepWarning,
+    StepError,
     closest,
 )
-from leastaction.mechanics.configuration.assembly import check_consistent, check_lengths, check_velocity
+from leastaction.mechanics.configuration.assembly import (
+    CONFIGURATION_TOLERANCE,
+    VELOCITY_TOLERANCE,
+    check_consistent,
+    check_lengths,
+    check_velocity,
+)
 from leastaction.mechanics.discrete import derivatives as differentiate
 from leastaction.mechanics.discrete import functions, simulation
 from leastaction.mechanics.discrete import sensitivity as of_trajectories
 from leastaction.mechanics.discrete import step_sensitivity as of_steps
 from leastaction.mechanics.discrete.integrator import Integrator
-from leastaction.mechanics.discrete.outcome import quality_of, step_error
-from leastaction.mechanics.discrete.prescribed import inputs_along
+from leastaction.mechanics.discrete.outcome import step_error
+from leastaction.mechanics.discrete.prescribed import held, reached, step_to
 from leastaction.mechanics.discrete.step import Step
 from leastaction.mechanics.discrete.trajectory import (
     State,
     Trajectory,
     check_state,
+    state_in,
     state_of,
     trajectory_of,
     vector_of,
 )
-from leastaction.mechanics.discrete.turns import differences
-from leastaction.mechanics.mechanism.arguments import angles_only, configuration_on, inputs_of, rates, single
+from leastaction.mechanics.mechanism.arguments import angles_only, inputs_of, rates, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
+from leastaction.mechanics.mechanism.turns import differences
 from leastaction.numerics.arrays import (
     Array,
     as_array,
@@ -50,11 +58,13 @@ from leastaction.numerics.arrays import (
     as_count,
     as_number,
     as_time_step,
+    require_finite,
     require_instance,
 )
 from leastaction.numerics.frozen import made
 from leastaction.numerics.names import as_names
 from leastaction.numerics.public import public
+from leastaction.numerics.step_quality import StepQuality
 from leastaction.numerics.warn import warn
 
 Split = Literal["symmetric", "left"]
@@ -160,17 +170,21 @@ class MidpointVI(Integrator):
         q0 = single(m, q)
         if self.reels:
             check_lengths(m, q0[None, :], np.array([t]))
-        if m.nc:
-            check_consistent(m, q0)
         if v is not None and p is not None:
             raise ArgumentError("start: got both v and p; give the velocity or the momentum")
         if p is not None:
+            if m.nc:
+                check_consistent(m, q0)
             momentum = as_array(p, "p", (m.nd,), names=m.dynamic)
             return state_of(m, as_number(t, "t"), np.concatenate((q0, momentum, np.zeros(m.nrho))))
-        v0 = np.zeros(m.nv) if v is None else rates(m, v)
-        check_velocity(m, q0, v0)
-        momentum = as_array(m.core.gradient(q0, v0)[1][: m.nd], "momentum", (m.nd,), names=m.dynamic)
-        return state_of(m, as_number(t, "t"), np.concatenate((q0, momentum, v0[m.nd :])))
+        v0 = None if v is None else rates(m, v)
+        x = np.empty(m.nx)
+        if not m.core.start(q0, v0, CONFIGURATION_TOLERANCE, VELOCITY_TOLERANCE, x):
+            check_consistent(m, q0)
+            if v0 is not None:
+                check_velocity(m, q0, v0)
+            require_finite(x[m.nq :][: m.nd], "momentum", names=m.dynamic)
+        return state_in(m, as_number(t, "t"), x)
 
     def start_from_configurations(
         self, q0: ArrayLike, q1: ArrayLike, dt: float, *, inputs: ArrayLike | None = None, t: float = 0.0
@@ -232,30 +246,39 @@ class MidpointVI(Integrator):
         m = self.mechanism
         check_state(state)
         h = as_time_step(dt)
-        u = inputs_of(m, inputs)
-        start = vector_of(m, state)
-        before, rho = start[m.first_rho : m.nq], start[m.first_rho : m.nq]
-        if rho_next is not None:
-            names = m.coordinates[m.first_rho :]
-            given = as_array(rho_next, "rho_next", (len(names),), names=names)
-            rho = configuration_on(m, np.concatenate((start[: m.first_rho], given)), "rho_next")[m.first_rho :]
         begin = as_number(state.t, "state.t")
-        t = np.array((begin, begin + h))
+        u = None if inputs is None else inputs_of(m, inputs)
+        given = None
+        if rho_next is not None:
+            given = step_to(m, state.q, rho_next)
+        elif m.nq - m.first_rho > m.nrho:
+            given = held(m, vector_of(m, state)[m.first_rho : m.nq])
         if self.reels:
-            check_lengths(m, np.concatenate((start[: m.first_rho], rho))[None, :], t[1:])
-        controls = np.concatenate((u, inputs_along(m, np.stack((before, rho)))[0])) if m.nrho else u
-        out = self.core.roll_out(t, start, None, controls[None, :], None)
-        if out.steps < 1:
-            raise step_error(m, out, state, controls[m.n_inputs :])
-        x = out.x[1]
+            start = vector_of(m, state)[: m.nq]
+            after = start[m.first_rho :] if given is None else reached(m, start[m.first_rho :], given)
+            check_lengths(m, np.concatenate((start[: m.first_rho], after))[None, :], np.array((begin + h,)))
+        x, lam = np.empty(m.nx), np.empty(m.nc)
+        told = self.core.step(begin, h, state.q, state.p, state.v_rho, u, given, x, lam)
+        if told is None:
+            raise self._failure(state, h, u, given)
+        s, angle, variable, iterations = told
         # The start is the end of the step before, which has told of it.
         if self.watch.balls:
-            self.watch.look(t[1:], x[None, : m.nq], before=state.q)
-        quality = quality_of(m, out, t)
-        if quality is not None and quality.is_coarse:
+            self.watch.look(np.array((begin + h,)), x[None, : m.nq], before=state.q)
+        name = m.variables[variable] if variable >= 0 else ""
+        quality = made(StepQuality, t=begin, s=s, angle=angle, variable=name)
+        if quality.is_coarse:
             warn(str(quality), CoarseStepWarning)
-        end = state_of(m, begin + h, x)
-        return made(Step, state=end, lam=out.lam[0], iterations=out.iterations, quality=quality)
+        return made(Step, state=state_in(m, begin + h, x), lam=lam, iterations=iterations, quality=quality)
+
+    def _failure(self, state: State, dt: float, inputs: Array | None, given: Array | None) -> StepError:
+        """Return why a step failed; raise where its state is none."""
+        m = self.mechanism
+        start = vector_of(m, state)
+        rho = held(m, start[m.first_rho : m.nq]) if given is None else given
+        controls = np.concatenate((inputs_of(m, inputs), rho))
+        out = self.core.roll_out(np.array((state.t, state.t + dt)), start, None, controls[None, :], None)
+        return step_error(m, out, state, rho)
 
     simulate = simulation.simulate
 

@@ -8,17 +8,20 @@ A rotation that is a quaternion is prescribed as a curve of quaternions, and a s
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from leastaction.mechanics.description.tree import BallRotation
 from leastaction.mechanics.mechanism.arguments import configuration_on
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.rotations import exponential, inverse, logarithm, product
 from leastaction.numerics.signals import Signal, signal_rows
 
 
 def prescribed_rotations(m: Mechanism) -> list[tuple[BallRotation, int, int]]:
     """Return rotations that are prescribed, where their quaternions begin in places, and their turns in `kinematic`."""
+    if m.nq - m.first_rho == m.nrho:
+        return []
     return [
         (each, m.coordinates.index(each.quaternion[0]) - m.first_rho, m.kinematic.index(each.variables[0]))
         for each in m.tree.rotations
@@ -37,6 +40,16 @@ def prescribed_rows(m: Mechanism, rho: Signal, t: Array, start: Array) -> Array:
         return rows
     whole = np.hstack([np.tile(start[:first], (len(rows), 1)), rows])
     return configuration_on(m, whole, "rho")[:, first:]
+
+
+def step_to(m: Mechanism, q: Array, rho_next: ArrayLike) -> Array:
+    """Return the inputs (nrho,) of a step from a configuration (nq,) to places that are given by a user."""
+    first, names = m.first_rho, m.coordinates[m.first_rho :]
+    given = as_array(rho_next, "rho_next", (len(names),), names=names)
+    if not prescribed_rotations(m):
+        return given
+    whole = configuration_on(m, np.concatenate((q[:first], given)), "rho_next")
+    return inputs_along(m, np.stack((q[first:], whole[first:])))[0]
 
 
 def inputs_along(m: Mechanism, places: Array) -> Array:
