@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError, closest
+from leastaction.mechanics.mechanism.arguments import none_prescribed_as_quaternion
 from leastaction.numerics.arrays import Array, as_number, read_only, require_mapping
 from leastaction.numerics.names import matching
 from leastaction.numerics.public import public
@@ -124,6 +125,7 @@ class SmoothCost(CostOfAccelerations):
     def __init__(self, cost: Cost, system: MidpointSystem, accelerations: Mapping[str, float]) -> None:
         require_mapping(accelerations, "accelerations", "{'string-*': 1e-3}")
         m = system.mechanism
+        none_prescribed_as_quaternion(m, "SmoothCost")
         weights = np.zeros(m.nrho)
         for pattern, value in accelerations.items():
             found = matching(m.kinematic, pattern)

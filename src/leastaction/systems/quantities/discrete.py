@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.mechanism.arguments import angles_only
+from leastaction.mechanics.mechanism.arguments import angles_only, none_prescribed_as_quaternion
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.looking_back import InputRates, LookingBack, Need
@@ -54,6 +54,7 @@ def quantity_of(mechanism: Mechanism, kind: str, t: Array, *, multipliers: bool)
     if kind == "rate":
         return Rates(m, np.arange(m.nv), dt)
     if kind == "acceleration":
+        none_prescribed_as_quaternion(m, kind)
         return AccelerationQuantity(m, np.arange(m.nrho), dt)
     if kind == ACROSS:
         angles_only(m, ACROSS)
