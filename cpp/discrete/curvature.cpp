@@ -42,7 +42,7 @@ void SecondOrder::hessian(double dt, const FirstOrder& first) {
     W_thth_.setZero(padded(n_theta_), n_theta_);
     std::copy(mu_.begin(), mu_.begin() + nd_, mu_z_.begin());
     std::copy(w_p.begin(), w_p.end(), w_z_.begin());
-    if (turned_) begin_turned(dt);
+    if (turned_) begin_turned();
     add_lagrangian(dt);
     add_potentials();
     add_instant_forces();

@@ -65,7 +65,8 @@ private:
     void place_balls();       // in q_mid_
     void place_dual_balls();  // in dual_q_ and dual_q1_
     const double* end() const;
-    void begin_turned(double dt);
+    void begin_turned();
+    void make_rows(double dt);
     void turn(double dt);
     void turn_constraints();
     double& entry(int a, int b);                // of (q1, q2) by (q1, q2), a kept triangle of it

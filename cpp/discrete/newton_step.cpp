@@ -346,7 +346,7 @@ bool MidpointStep::factor_dense(double dt) {
 
 bool MidpointStep::factor_turned(double dt) {
     lagrangian_.hessian();
-    table_->evaluate(*mechanism_, lagrangian_, middle(), settings_.split, dt, local_, force_);
+    table_->evaluate(*mechanism_, lagrangian_.pairs, middle(), settings_.split, dt, local_, force_);
     table_->turn_columns(*mechanism_, turnings_);
     table_->turn_rows(*mechanism_, turnings_, raw_start_.data(), raw_end_.data());
     newton_.clear();
@@ -433,8 +433,10 @@ bool MidpointStep::wants_refresh(const StepReport& report, double merit, double 
 StepReport MidpointStep::solve(double dt, bool known) {
     StepReport report;
     const double none = std::numeric_limits<double>::infinity();
-    double previous = none;  // residual, in units of the first point's terms, where the last correction was made
-    bool fresh = false;      // the last correction was made with the Newton matrix of its own point
+    double previous = none;  // residual, in units of the first point's terms,
+                             // where the last correction was made
+    bool fresh = false;      // the last correction was made with the Newton matrix of
+                             // its own point
     int halvings = 0;
     if (factored_dt_ != dt) have_factors_ = false;
     factored_at_solution_ = false;

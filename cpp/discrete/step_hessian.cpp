@@ -1,11 +1,12 @@
 #include "discrete/step_hessian.hpp"
 
 #include <algorithm>
+#include <type_traits>
 
 namespace leastaction {
 
-void StepHessian::evaluate(const Mechanism& m, const Lagrangian<double>& lagrangian, const ForcePoint<double>& middle,
-                           Split split, double dt, LocalTaylor<double>& local, LocalForce<double>& force) {
+void StepHessian::evaluate(const Mechanism& m, const PairDerivatives& d, const ForcePoint<double>& middle, Split split,
+                           double dt, LocalTaylor<double>& local, LocalForce<double>& force) {
     const int nd = m.n_dynamic, nq = m.n_variables();
     by_ends.setZero(2 * nd, 2 * nq);
     by_u.setZero(2 * nd, m.n_inputs);
@@ -16,7 +17,6 @@ void StepHessian::evaluate(const Mechanism& m, const Lagrangian<double>& lagrang
         by_ends(nd + i, j) += d21;
         by_ends(nd + i, nq + j) += d22;
     };
-    const PairDerivatives& d = lagrangian.pairs;
     each_pair(m, d.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
         const double qq = weight * (0.25 * dt * d.qq[at]), vv = weight * (d.vv[at] / dt);
         const double sum = weight * (0.5 * (d.q_v[at] + d.v_q[at])), odd = weight * (0.5 * (d.q_v[at] - d.v_q[at]));
@@ -43,17 +43,44 @@ void StepHessian::evaluate(const Mechanism& m, const Lagrangian<double>& lagrang
     for_each_entry(m.forces, middle, force, add_force, add_input);
 }
 
+void turn_columns(NewtonMatrix::Matrix& of, int first, int second, const Turning::Matrix6& slope) {
+    for (Eigen::Index i = 0; i < of.rows(); ++i) {
+        double* row = of.data() + i * of.cols();
+        Turning::Vector6 values;
+        std::copy_n(row + first, 3, values.data());
+        std::copy_n(row + second, 3, values.data() + 3);
+        const Turning::Vector6 turned = slope.transpose() * values;
+        std::copy_n(turned.data(), 3, row + first);
+        std::copy_n(turned.data() + 3, 3, row + second);
+    }
+}
+
+void turn_rows(NewtonMatrix::Matrix& of, int first, int second, const Turning::Matrix6& slope) {
+    constexpr Eigen::Index lanes = 8;
+    Eigen::Index j = 0;
+    const Eigen::Index n = of.cols();
+    const auto turn = [&]<int width>(std::integral_constant<int, width>) {
+        using Wide = Eigen::Array<double, width, 1>;
+        Wide rows[6];
+        for (int k = 0; k < 6; ++k) rows[k] = Eigen::Map<const Wide>(&of((k < 3 ? first : second - 3) + k, j));
+        for (int k = 0; k < 6; ++k) {
+            Wide sum = slope(0, k) * rows[0];
+            for (int l = 1; l < 6; ++l) sum += slope(l, k) * rows[l];
+            Eigen::Map<Wide>(&of((k < 3 ? first : second - 3) + k, j)) = sum;
+        }
+    };
+    for (; j + lanes <= n; j += lanes) turn(std::integral_constant<int, lanes>());
+    for (; j < n; ++j) turn(std::integral_constant<int, 1>());
+}
+
 void StepHessian::turn_columns(const Mechanism& m, const std::vector<Turning>& turnings) {
-    const int nq = m.n_variables();
     for (std::size_t b = 0; b < turnings.size(); ++b) {
-        const int at = m.balls[b].variable;
-        const Turning::Matrix6 slope =
-            m.balls[b].prescribed ? GivenTurning(turnings[b].phi()).slope() : turnings[b].slope();
-        Eigen::Matrix<double, Eigen::Dynamic, 6> columns(by_ends.rows(), 6);
-        columns << by_ends.middleCols(at, 3), by_ends.middleCols(nq + at, 3);
-        columns = (columns * slope).eval();
-        by_ends.middleCols(at, 3) = columns.leftCols(3);
-        by_ends.middleCols(nq + at, 3) = columns.rightCols(3);
+        const Ball& ball = m.balls[b];
+        const int at = ball.variable, end = m.n_variables() + at;
+        if (ball.prescribed)
+            leastaction::turn_columns(by_ends, at, end, GivenTurning(turnings[b].phi()).slope());
+        else
+            leastaction::turn_columns(by_ends, at, end, turnings[b].slope());
     }
 }
 
@@ -63,24 +90,18 @@ void StepHessian::turn_rows(const Mechanism& m, const std::vector<Turning>& turn
     for (std::size_t b = 0; b < turnings.size(); ++b) {
         const int at = m.balls[b].variable;
         if (m.balls[b].prescribed) continue;
-        for (auto* table : {&by_ends, &by_u}) {
-            Eigen::Matrix<double, 6, Eigen::Dynamic> rows(6, table->cols());
-            rows << table->middleRows(at, 3), table->middleRows(nd + at, 3);
-            rows = (turnings[b].slope().transpose() * rows).eval();
-            table->middleRows(at, 3) = rows.topRows(3);
-            table->middleRows(nd + at, 3) = rows.bottomRows(3);
-        }
+        leastaction::turn_rows(by_ends, at, nd + at, turnings[b].slope());
+        leastaction::turn_rows(by_u, at, nd + at, turnings[b].slope());
         Turning::Vector6 values;
         for (int i = 0; i < 3; ++i) {
             values[i] = start[at + i];
             values[3 + i] = end[at + i];
         }
         // By X_u of the row of X_v: the row is v.
-        const Turning::Matrix6 bend = turnings[b].bend(values).transpose();
-        by_ends.block(at, at, 3, 3) += bend.topLeftCorner(3, 3);
-        by_ends.block(at, nq + at, 3, 3) += bend.topRightCorner(3, 3);
-        by_ends.block(nd + at, at, 3, 3) += bend.bottomLeftCorner(3, 3);
-        by_ends.block(nd + at, nq + at, 3, 3) += bend.bottomRightCorner(3, 3);
+        const Turning::Matrix6 bend = turnings[b].bend(values);
+        for (int k = 0; k < 6; ++k)
+            for (int l = 0; l < 6; ++l)
+                by_ends((k < 3 ? at : nd + at - 3) + k, (l < 3 ? at : nq + at - 3) + l) += bend(l, k);
     }
 }
 

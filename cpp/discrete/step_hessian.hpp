@@ -14,9 +14,9 @@ namespace leastaction {
 struct StepHessian {
     NewtonMatrix::Matrix by_ends, by_u;
 
-    // At a middle at which the Lagrangian has its Hessian.
-    void evaluate(const Mechanism& m, const Lagrangian<double>& lagrangian, const ForcePoint<double>& middle,
-                  Split split, double dt, LocalTaylor<double>& local, LocalForce<double>& force);
+    // At a middle at which the Lagrangian has these second derivatives.
+    void evaluate(const Mechanism& m, const PairDerivatives& pairs, const ForcePoint<double>& middle, Split split,
+                  double dt, LocalTaylor<double>& local, LocalForce<double>& force);
     // Columns of balls become derivatives by turns of the ends; of those that are prescribed, by turns of the start and
     // the rotation vector of the step.
     void turn_columns(const Mechanism& m, const std::vector<Turning>& turnings);
@@ -24,6 +24,9 @@ struct StepHessian {
     void turn_rows(const Mechanism& m, const std::vector<Turning>& turnings, const double* start, const double* end);
 };
 
+// Three columns and three more become derivatives by turns, and rows likewise, in place.
+void turn_columns(NewtonMatrix::Matrix& of, int first, int second, const Turning::Matrix6& slope);
+void turn_rows(NewtonMatrix::Matrix& of, int first, int second, const Turning::Matrix6& slope);
 // Values of rows of one ball from the kernel's coordinates to turns of the ends, in place.
 void turn_rows(const Turning& turning, double* start, double* end);
 // The same of all balls among the first n variables.

@@ -18,15 +18,16 @@ using Matrix6 = Turning::Matrix6;
 
 struct SecondOrder::Turned {
     explicit Turned(const Mechanism& m)
-        : lagrangian(m), end(m.n_coordinates()), start_row(m.n_variables()), end_row(m.n_variables()) {}
-    Lagrangian<double> lagrangian;
+        : end(m.n_coordinates()), start_row(m.n_variables()), end_row(m.n_variables()) {}
+    PairDerivatives pairs;    // of the Lagrangian, its second derivatives themselves
     std::vector<double> end;  // q2 as a configuration
     std::vector<double> start_row, end_row;
     std::vector<Turning> turnings;
     std::vector<Vector6> along;   // mu and w_p of each ball
-    std::vector<Matrix6> slopes;  // of z by turns of the ends, or by what is given of one that is prescribed
+    std::vector<Matrix6> slopes;  // of z by turns of the ends, or by what is given
+                                  // of one that is prescribed
     StepHessian table;
-    NewtonMatrix::Matrix all, turned;
+    NewtonMatrix::Matrix all, rows;
 };
 
 void SecondOrder::begin_balls() {
@@ -53,7 +54,7 @@ void SecondOrder::place_dual_balls() {
         }
 }
 
-void SecondOrder::begin_turned(double dt) {
+void SecondOrder::begin_turned() {
     const Mechanism& m = mechanism_;
     Turned& t = *turned_;
     t.turnings.clear();
@@ -78,31 +79,36 @@ void SecondOrder::begin_turned(double dt) {
             w_z_[at + i] = field[3 + i];
         }
     }
-    // The rows and their derivatives, in the kernel's coordinates.
+}
+
+// The rows and their derivatives, in the kernel's coordinates, where the duals
+// are.
+void SecondOrder::make_rows(double dt) {
+    const Mechanism& m = mechanism_;
+    Turned& t = *turned_;
     for (int i = 0; i < nq_; ++i) {
         q_mid_[i] = 0.5 * (q1[i] + q2[i]);
         v_[i] = (q2[i] - q1[i]) / dt;
+        t.start_row[i] = 0.5 * dt * dual_.L_q[i].v - dual_.L_v[i].v;
+        t.end_row[i] = 0.5 * dt * dual_.L_q[i].v + dual_.L_v[i].v;
     }
     place_balls();
-    t.lagrangian.gradient(q_mid_.data(), v_.data());
-    place(m.massless_joints_seen, q_mid_.data(), t.lagrangian.at);
-    for_each_entry(m.potentials, t.lagrangian.at, q_mid_.data(), local_,
-                   [&](int i, double slope) { t.lagrangian.L_q[i] -= slope; });
-    for (int i = 0; i < nq_; ++i) {
-        t.start_row[i] = 0.5 * dt * t.lagrangian.L_q[i] - t.lagrangian.L_v[i];
-        t.end_row[i] = 0.5 * dt * t.lagrangian.L_q[i] + t.lagrangian.L_v[i];
-    }
+    place(m.element_joints, q_mid_.data(), at_middle_);
+    for_each_entry(m.potentials, at_middle_, q_mid_.data(), local_, [&](int i, double slope) {
+        t.start_row[i] -= 0.5 * dt * slope;
+        t.end_row[i] -= 0.5 * dt * slope;
+    });
     const double km = kappa_minus(split_, dt), kp = kappa_plus(split_, dt);
     const auto add = [&](int i, double f) {
         t.start_row[i] += km * f;
         t.end_row[i] += kp * f;
     };
-    const ForcePoint<double> middle{t.lagrangian.at, q_mid_.data(), v_.data(), u.data()};
+    const ForcePoint<double> middle{at_middle_, q_mid_.data(), v_.data(), u.data()};
     for (const auto& [i, slot] : m.damping) add(i, -m.numbers[slot] * v_[i]);
     for (const auto& [i, input] : m.joint_forces) add(i, u[input]);
     for_each_entry(m.forces, middle, force_, add);
-    t.lagrangian.hessian();
-    t.table.evaluate(m, t.lagrangian, middle, split_, dt, local_, force_);
+    dual_.values(t.pairs);
+    t.table.evaluate(m, t.pairs, middle, split_, dt, local_, force_);
 }
 
 double& SecondOrder::entry(int a, int b) {
@@ -115,11 +121,13 @@ double& SecondOrder::entry(int a, int b) {
     return W_thth_(at_rho2_ + i - nd_, at_rho2_ + j - nd_);
 }
 
-void SecondOrder::turn(double) {
+void SecondOrder::turn(double dt) {
+    make_rows(dt);
     Turned& t = *turned_;
     const int n = 2 * nq_, at_u = nq_ + nd_;
     auto& W = t.all;
     W.resize(n, n);
+    t.rows.resize(6, n);
     for (int a = 0; a < n; ++a)
         for (int b = a; b < n; ++b) W(a, b) = W(b, a) = entry(a, b);
     std::vector<Vector6> by_z;  // r_z'Z by the kernel's coordinates of each ball
@@ -133,23 +141,10 @@ void SecondOrder::turn(double) {
         by_z.push_back(out);
     }
     t.table.turn_columns(mechanism_, t.turnings);
-    Eigen::Matrix<double, 6, Eigen::Dynamic> rows;
     for (std::size_t b = 0; b < t.turnings.size(); ++b) {
         const int at = mechanism_.balls[b].variable;
-        const Matrix6& slope = t.slopes[b];
-        const auto take_rows = [&](const NewtonMatrix::Matrix& of, int second) {
-            rows.resize(6, of.cols());
-            rows << of.middleRows(at, 3), of.middleRows(second + at, 3);
-        };
-        take_rows(W, nq_);
-        rows = (slope.transpose() * rows).eval();
-        W.middleRows(at, 3) = rows.topRows(3);
-        W.middleRows(nq_ + at, 3) = rows.bottomRows(3);
-        Eigen::Matrix<double, Eigen::Dynamic, 6> columns(n, 6);
-        columns << W.middleCols(at, 3), W.middleCols(nq_ + at, 3);
-        columns = (columns * slope).eval();
-        W.middleCols(at, 3) = columns.leftCols(3);
-        W.middleCols(nq_ + at, 3) = columns.rightCols(3);
+        turn_rows(W, at, nq_ + at, t.slopes[b]);
+        turn_columns(W, at, nq_ + at, t.slopes[b]);
     }
     // Once all that is held has been turned, what the fields change by.
     for (std::size_t b = 0; b < t.turnings.size(); ++b) {
@@ -161,7 +156,7 @@ void SecondOrder::turn(double) {
                 for (int l = 0; l < 6; ++l) W(place_of(k), place_of(l)) += own(k, l);
             if (nu_ == 0) continue;
             const int at_end = at_rho2_ + at - nd_;
-            rows.resize(6, nu_);
+            Eigen::Matrix<double, 6, Eigen::Dynamic> rows(6, nu_);
             rows << W_thth_.block(at, at_u, 3, nu_), W_thth_.block(at_u, at_end, nu_, 3).transpose();
             rows = (t.slopes[b].transpose() * rows).eval();
             W_thth_.block(at, at_u, 3, nu_) = rows.topRows(3);
@@ -175,25 +170,32 @@ void SecondOrder::turn(double) {
         }
         const Turning::Field field = t.turnings[b].field(t.along[b], values, by_z[b]);
         const Matrix6 own = field.bend + field.chart;
-        rows.resize(6, n);
-        rows << t.table.by_ends.middleRows(at, 3), t.table.by_ends.middleRows(nd_ + at, 3);
-        rows = (field.slope.transpose() * rows).eval();
+        auto& rows = t.rows;
         for (int k = 0; k < 6; ++k) {
-            for (int c = 0; c < n; ++c) {
-                W(place_of(k), c) += rows(k, c);
-                W(c, place_of(k)) += rows(k, c);
+            double* row = &rows(k, 0);
+            std::fill_n(row, n, 0.0);
+            for (int l = 0; l < 6; ++l) {
+                const double* of = &t.table.by_ends((l < 3 ? at : nd_ + at - 3) + l, 0);
+                const double weight = field.slope(l, k);
+                for (int c = 0; c < n; ++c) row[c] += weight * of[c];
             }
-            for (int l = 0; l < 6; ++l) W(place_of(k), place_of(l)) += own(k, l);
         }
+        for (int k = 0; k < 6; ++k) {
+            double* to = &W(place_of(k), 0);
+            for (int c = 0; c < n; ++c) to[c] += rows(k, c);
+            for (int l = 0; l < 6; ++l) to[place_of(l)] += own(k, l);
+        }
+        for (int c = 0; c < n; ++c)
+            for (int k = 0; k < 6; ++k) W(c, place_of(k)) += rows(k, c);
         if (nu_ == 0) continue;
-        rows.resize(6, nu_);
-        rows << W_thth_.block(at, at_u, 3, nu_), W_yth_.block(at, at_u, 3, nu_);
-        rows = (t.turnings[b].slope().transpose() * rows).eval();
+        Eigen::Matrix<double, 6, Eigen::Dynamic> by_inputs(6, nu_);
+        by_inputs << W_thth_.block(at, at_u, 3, nu_), W_yth_.block(at, at_u, 3, nu_);
+        by_inputs = (t.turnings[b].slope().transpose() * by_inputs).eval();
         Eigen::Matrix<double, 6, Eigen::Dynamic> by_u(6, nu_);
         by_u << t.table.by_u.middleRows(at, 3), t.table.by_u.middleRows(nd_ + at, 3);
-        rows += field.slope.transpose() * by_u;
-        W_thth_.block(at, at_u, 3, nu_) = rows.topRows(3);
-        W_yth_.block(at, at_u, 3, nu_) = rows.bottomRows(3);
+        by_inputs += field.slope.transpose() * by_u;
+        W_thth_.block(at, at_u, 3, nu_) = by_inputs.topRows(3);
+        W_yth_.block(at, at_u, 3, nu_) = by_inputs.bottomRows(3);
     }
     for (int a = 0; a < n; ++a)
         for (int b = a; b < n; ++b) {
@@ -208,6 +210,7 @@ void SecondOrder::turn_constraints() {
     using Vector3 = Eigen::Vector3d;
     using Matrix3 = Eigen::Matrix3d;
     for (const Ball& ball : m.balls) {
+        if (nc_ == 0) break;
         const int at = ball.variable;
         constexpr double none[3] = {0, 0, 0};
         const TurnedField field(ball.prescribed ? none : &mu_[at]);

@@ -64,6 +64,9 @@ public:
     // Second derivatives at the point of the last gradient, in `pairs`; for a dual scalar, their derivatives along the
     // direction.
     void hessian();
+    // After that, on duals: the second derivatives themselves.
+    void values(PairDerivatives& out) const
+        requires std::is_same_v<T, Dual<double>>;
     std::size_t pairs_stride() const { return stride_; }  // of the planes in `pairs`, before they are made too
 
     // Adds what the gradient changes by where a joint's own body gets more inertia (in the frame of the joint, about its
@@ -101,6 +104,9 @@ private:
     std::size_t stride_;
 
     void pair_products(int i);
+    // Adds one product, of these parts, of row i with joints j, j + 1, ...
+    struct Sums;
+    void add_products(int i, int j, int part_of_row, int part_of_column, Sums& sums) const;
 };
 
 extern template class Lagrangian<double>;
