@@ -70,18 +70,29 @@ def logarithm_derivative(phi: Array) -> Array:
 
 def logarithm_curvature(phi: Array, w: Array) -> Array:
     """Return the second derivatives (..., 3, 3) of ``w . log(exp(phi) exp(d))`` by d at zero, up to half a turn."""
-    J, S, eye = logarithm_derivative(phi), crossing(phi), np.eye(3)
-    c, slope = (each[..., None] for each in _coefficients(phi))
+    J, eye = logarithm_derivative(phi), np.eye(3)
     bent = np.empty((*phi.shape, 3))
     for j in range(3):
         # J moves with phi, and phi by J d; the exponential's own Jacobian at d is 1 - [d]/2.
-        along = J[..., j]
-        T = crossing(along)
-        turn = np.sum(phi * along, axis=-1)[..., None, None]
-        change = 0.5 * T + slope[..., None] * turn * (S @ S) + c[..., None] * (T @ S + S @ T)
-        change = change - 0.5 * J @ crossing(eye[j])
+        change = _change(phi, J[..., j]) - 0.5 * J @ crossing(eye[j])
         bent[..., j] = np.einsum("...a,...ai->...i", w, change)
     return np.asarray(0.5 * (bent + np.swapaxes(bent, -1, -2)))
+
+
+def logarithm_between(phi: Array, w: Array) -> Array:
+    """Return the second derivatives (..., 3, 3) of ``w . log(exp(-c) exp(phi) exp(d))`` by c, then by d, at zero."""
+    J = logarithm_derivative(phi)
+    # By c it is minus the transpose of J, and phi moves by J d.
+    bent = [np.einsum("...a,...ia->...i", w, _change(phi, J[..., j])) for j in range(3)]
+    return np.asarray(-np.stack(bent, axis=-1))
+
+
+def _change(phi: Array, along: Array) -> Array:
+    """Return the derivative (..., 3, 3) of J, of `logarithm_derivative`, where phi moves along vectors (..., 3)."""
+    S, T = crossing(phi), crossing(along)
+    c, slope = (each[..., None, None] for each in _coefficients(phi))
+    turn = np.sum(phi * along, axis=-1)[..., None, None]
+    return np.asarray(0.5 * T + slope * turn * (S @ S) + c * (T @ S + S @ T))
 
 
 def _coefficients(phi: Array) -> tuple[Array, Array]:

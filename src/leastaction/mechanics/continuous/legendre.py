@@ -28,7 +28,7 @@ def to_momentum(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> Array:
     """
     require_instance(mechanism, "mechanism", Mechanism)
     m = mechanism
-    single, (qs, vs) = _rows(m, {"q": (q, m.nq), "v": (v, m.nq)})
+    single, (qs, vs) = _rows(m, {"q": (q, m.nq), "v": (v, m.nv)})
     p = np.array([m.core.gradient(*pair)[1][: m.nd] for pair in zip(qs, vs, strict=True)])
     return p[0] if single else p.reshape(len(qs), m.nd)
 
@@ -66,10 +66,10 @@ def to_velocity(
     m, nd = mechanism, mechanism.nd
     if v_rho is None:
         v_rho = np.zeros((*(shape_of(p) or (0,))[:-1], m.nrho))
-    still = np.zeros(m.nq)
+    still = np.zeros(m.nv)
     given = {"q": (q, m.nq), "p": (p, nd), "v_rho": (v_rho, m.nrho)}
     single, (qs, ps, rhos) = _rows(m, given)
-    v = np.empty((len(qs), m.nq))
+    v = np.empty((len(qs), m.nv))
     v[:, nd:] = rhos
     for row, at, momentum in zip(v, qs, ps, strict=True):
         mass = m.core.hessian(at, still)[2]
@@ -111,7 +111,7 @@ def legendre_jacobian(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> Array
 
 def _rows(m: Mechanism, given: dict[str, tuple[ArrayLike, int]]) -> tuple[bool, list[Array]]:
     """Return whether arguments are single ones, and all of them as rows of equal number."""
-    names = {"q": m.variables, "v": m.variables, "p": m.dynamic, "v_rho": m.kinematic}
+    names = {"q": m.coordinates, "v": m.variables, "p": m.dynamic, "v_rho": m.kinematic}
     first = next(iter(given.values()))[0]
     shape = shape_of(first)
     single = shape is None or len(shape) < 2

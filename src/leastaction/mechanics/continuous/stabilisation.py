@@ -131,7 +131,7 @@ class ConstraintMetric:
     def __init__(self, mechanism: Mechanism, q: Array, size: float = 0.0) -> None:
         nd = mechanism.nd
         self.jacobian = _jacobian(mechanism, q)
-        mass = mechanism.core.hessian(q, np.zeros(mechanism.nq))[2][:nd, :nd]
+        mass = mechanism.core.hessian(q, np.zeros(mechanism.nv))[2][:nd, :nd]
         gradients = self.jacobian[:, :nd].T
         try:
             inverse_root = _inverse_root(mass)
@@ -187,7 +187,7 @@ def rates(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
 
 def _jacobian(mechanism: Mechanism, q: Array) -> Array:
     """Return Dh (nc, nq), of a q that is checked."""
-    return np.asarray(mechanism.core.constraint_jacobian(q)).reshape(mechanism.nc, mechanism.nq)
+    return np.asarray(mechanism.core.constraint_jacobian(q)).reshape(mechanism.nc, mechanism.nv)
 
 
 def project(mechanism: Mechanism, q: Array, v: Array, tolerance: float) -> tuple[Array, Array]:

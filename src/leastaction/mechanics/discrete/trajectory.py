@@ -11,7 +11,7 @@ import numpy as np
 
 from leastaction.mechanics.discrete.balance import DiscreteBalance
 from leastaction.mechanics.discrete.tensions import tensions
-from leastaction.mechanics.discrete.turns import differences, middles
+from leastaction.mechanics.mechanism.turns import differences, middles
 from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.masses import Energy

@@ -9,6 +9,8 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.turns import differences
+from leastaction.numerics import rotations
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.looking_back import InputRates, LookingBack, Need
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples, names_of
@@ -51,9 +53,7 @@ def quantity_of(mechanism: Mechanism, kind: str, t: Array, *, multipliers: bool)
         return Entries(names, range(len(names)), of_state=True)
     dt = np.diff(t)
     if kind == "rate":
-        # Quaternions have no rates of their own: their angular velocities are none of the state.
-        moving = [name for name in m.variables if name in m.coordinates]
-        return Rates(moving, np.array([m.coordinates.index(name) for name in moving], dtype=np.intp), dt)
+        return Rates(m, np.arange(m.nv), dt)
     if kind == "acceleration":
         return AccelerationQuantity(m, np.arange(m.nrho), dt)
     if kind == ACROSS:
@@ -65,36 +65,81 @@ def quantity_of(mechanism: Mechanism, kind: str, t: Array, *, multipliers: bool)
 
 
 class Rates(Quantity):
-    """Mean rates of variables over steps, ``(q_{k+1} - q_k) / dt``."""
+    """Mean rates of variables over steps, ``(q_{k+1} - q_k) / dt``; of a quaternion its mean angular velocity.
+
+    ``which``: the variables. That of a quaternion is the rotation vector of the step by its length, in the axes behind
+    the joint: what the integrator calls the velocity of the step.
+    """
 
     kind = "rate of"
     looks_ahead = True
 
-    def __init__(self, names: Sequence[str], columns: Instants, dt: Array) -> None:
-        self.names, self._places, self.dt = tuple(names), columns, dt
+    def __init__(self, mechanism: Mechanism, which: Instants, dt: Array) -> None:
+        m = mechanism
+        self.mechanism, self.which, self.dt = m, which, dt
+        self.names = tuple(m.variables[i] for i in which)
+        firsts = [m.variables.index(rotation.variables[0]) for rotation in m.tree.rotations]
+        self._turns = [slice(i, i + 3) for i in firsts if ((i <= which) & (which < i + 3)).any()]
+        turned = [i for turn in self._turns for i in range(turn.start, turn.stop)]
+        self._moved: Instants = np.union1d(which, turned).astype(np.intp)
 
     def values(self, at: Samples) -> Array:
-        return np.asarray((at.x_next[:, self._places] - at.x[:, self._places]) / self.dt[at.k, None])
+        m = self.mechanism
+        if self._turns:
+            return np.asarray(differences(m, *self._ends(at))[:, self.which] / self.dt[at.k, None])
+        places = self.which if m.nq == m.nv else [m.coordinates.index(name) for name in self.names]
+        return np.asarray((at.x_next[:, places] - at.x[:, places]) / self.dt[at.k, None])
 
     def columns(self, nx: int, nu: int) -> Instants:
-        return np.concatenate([self._places, nx + nu + self._places])
+        return np.concatenate([self._moved, nx + nu + self._moved])
 
     def jacobian(self, at: Samples) -> Array:
-        each = np.eye(len(self._places)) / self.dt[at.k, None, None]
-        return np.concatenate([-each, each], axis=2)
+        n, count, dt = self.mechanism.nv, len(at.k), self.dt[at.k, None, None]
+        if not self._turns:
+            each = np.eye(n)[self.which][:, self._moved] / dt
+            return np.concatenate([-each, each], axis=2)
+        before, after = (np.broadcast_to(sign * np.eye(n), (count, n, n)).copy() for sign in (-1.0, 1.0))
+        for turn, phi in self._vectors(at):
+            after[:, turn, turn] = rotations.logarithm_derivative(phi)
+            before[:, turn, turn] = -rotations.logarithm_derivative(-phi)
+        whole = np.concatenate([each[:, self.which][:, :, self._moved] for each in (before, after)], axis=2)
+        return np.asarray(whole / dt)
 
-    def curvature(self, at: Samples, y: Array) -> None:
-        """Return None: they are linear."""
+    def curvature(self, at: Samples, y: Array) -> Array | None:
+        """Return the second derivative; None without quaternions, where they are linear."""
+        if not self._turns:
+            return None
+        n = self.mechanism.nv
+        whole, w = np.zeros((len(at.k), 2 * n, 2 * n)), np.zeros((len(at.k), n))
+        np.add.at(w, (slice(None), self.which), y / self.dt[at.k, None])
+        for turn, phi in self._vectors(at):
+            early, late, pull = turn, slice(n + turn.start, n + turn.stop), w[:, turn]
+            between = rotations.logarithm_between(phi, pull)
+            whole[:, early, early] = rotations.logarithm_curvature(-phi, -pull)
+            whole[:, late, late] = rotations.logarithm_curvature(phi, pull)
+            whole[:, early, late], whole[:, late, early] = between, between.swapaxes(1, 2)
+        places = np.concatenate([self._moved, n + self._moved])
+        return np.asarray(whole[:, places[:, None], places])
 
     def joined(self, others: Sequence[Quantity]) -> Rates:
-        parts = self.among(others)
-        return Rates(names_of(parts), np.concatenate([part._places for part in parts]), self.dt)
+        return Rates(self.mechanism, np.concatenate([part.which for part in self.among(others)]), self.dt)
 
     def select(self, rows: Sequence[int]) -> Rates:
-        return Rates([self.names[row] for row in rows], self._places[list(rows)], self.dt)
+        return Rates(self.mechanism, self.which[list(rows)], self.dt)
 
     def is_like(self, other: Quantity) -> bool:
-        return isinstance(other, Rates) and np.array_equal(self.dt, other.dt)
+        return isinstance(other, Rates) and self.names == other.names and np.array_equal(self.dt, other.dt)
+
+    def _ends(self, at: Samples) -> tuple[Array, Array]:
+        nq = self.mechanism.nq
+        return np.ascontiguousarray(at.x_next[:, :nq]), np.ascontiguousarray(at.x[:, :nq])
+
+    def _vectors(self, at: Samples) -> list[tuple[slice, Array]]:
+        """Return where the turns of quaternions are among the variables, and their vectors (n, 3) over the steps."""
+        if not self._turns:
+            return []
+        moved = differences(self.mechanism, *self._ends(at))
+        return [(turn, moved[:, turn]) for turn in self._turns]
 
 
 class AccelerationQuantity(Quantity):
@@ -114,7 +159,7 @@ class AccelerationQuantity(Quantity):
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
         m, i = self.mechanism, self.which
-        return np.concatenate([m.nq - m.nrho + i, m.nq + m.nd + i, nx + m.n_inputs + i])
+        return np.concatenate([m.nd + i, m.nv + m.nd + i, nx + m.n_inputs + i])
 
     def jacobian(self, at: Samples) -> Array:
         dt = self.dt[at.k, None, None]
@@ -194,13 +239,16 @@ class Tensions(Quantity):
     is a variable. ``dt`` (N,).
     """
 
-    of_state, first = True, 1
+    of_state, first, by_entries = True, 1, True
     kind, unit = "tension of", "N"
 
     def __init__(self, mechanism: Mechanism, strings: Scaled, dt: Array) -> None:
         self.mechanism, self.strings, self.dt = mechanism, strings, dt
         self.names = strings.names
-        places = mechanism.nx + strings.rows, strings.places, mechanism.nq + strings.places
+        m = mechanism
+        # A length is a prescribed variable; its rate stands behind the momenta. Where there is none, nothing is read.
+        rates = m.nq + m.nd + np.maximum(strings.places - (m.nq - m.nrho), 0) if m.nrho else strings.places
+        places = m.nx + strings.rows, strings.places, rates
         self._lam, self._length, self._rate = places
         self._columns = np.unique(np.concatenate(places))
         self._at = [np.searchsorted(self._columns, each) for each in places]
