@@ -3,8 +3,8 @@
     minimise 1/2 (q - q0)^T W (q - q0)   subject to   h(q) = 0
 
 over the free variables, W diagonal, by sequential quadratic programming in ``s = W^(1/2) (q - q0)``, where ``q - q0``
-is the rotation vector between them of a rotation that is a quaternion, and the metric is the identity, with steps as in `leastaction.mechanics.configuration.null_space`: the slope is s, and
-``B = 1 + sum_i lam_i d2h_i``.
+is the rotation vector between them of a rotation that is a quaternion, and the metric is the identity, with steps as in
+`leastaction.mechanics.configuration.null_space`: the slope is s, and ``B = 1 + sum_i lam_i d2h_i``.
 
 The curvature of the constraints in B makes the convergence quadratic however far q0 is; without it the iteration
 diverges as soon as the correction is longer than the radius of curvature. Where ``Z^T B Z`` is not positive definite,

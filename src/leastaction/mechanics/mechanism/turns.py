@@ -24,7 +24,7 @@ def differences(m: Compiled, q: Array, qbar: Array) -> Array:
 
 def difference(m: Compiled, q: Array, qbar: Array) -> Array:
     """Return a configuration q (nq,) less another, (nv,)."""
-    return differences(m, q[None], qbar[None])[0]
+    return np.asarray(differences(m, q[None], qbar[None])[0])
 
 
 def moved(m: Compiled, q: Array, dq: Array) -> Array:
@@ -37,7 +37,7 @@ def moved(m: Compiled, q: Array, dq: Array) -> Array:
 
 def moved_by(m: Compiled, q: Array, dq: Array) -> Array:
     """Return the configuration that is dq (nv,) from another (nq,)."""
-    return moved(m, q[None], dq[None])[0]
+    return np.asarray(moved(m, q[None], dq[None])[0])
 
 
 def middles(m: Compiled, q: Array) -> Array:

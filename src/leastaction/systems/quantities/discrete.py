@@ -13,7 +13,7 @@ from leastaction.mechanics.mechanism.turns import differences
 from leastaction.numerics import rotations
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.looking_back import InputRates, LookingBack, Need
-from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples, names_of
+from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
 from leastaction.systems.quantities.scaled import Scaled
 
 KINDS = ("input", "variable", "rate", "acceleration", "momentum", "multiplier", "tension", "state", "input rate")
@@ -111,7 +111,8 @@ class Rates(Quantity):
             return None
         n = self.mechanism.nv
         whole, w = np.zeros((len(at.k), 2 * n, 2 * n)), np.zeros((len(at.k), n))
-        np.add.at(w, (slice(None), self.which), y / self.dt[at.k, None])
+        for column, i in enumerate(self.which):
+            w[:, i] += y[:, column] / self.dt[at.k]
         for turn, phi in self._vectors(at):
             early, late, pull = turn, slice(n + turn.start, n + turn.stop), w[:, turn]
             between = rotations.logarithm_between(phi, pull)

@@ -23,8 +23,8 @@ class JointForce(Force):
     """An input straight onto a dynamic variable, ``f_i = u``, or onto a sum of some, ``f_i = factor_i u``.
 
     The force on a sum ``s = sum of factor q`` does the work ``u ds``: half of it for each of two joints that
-    a motor drives by a differential, ``{"left": 0.5, "right": 0.5}``. On a turn of a joint whose rotation is a quaternion,
-    ``"hip.wx"``, it is a torque about that axis behind the joint.
+    a motor drives by a differential, ``{"left": 0.5, "right": 0.5}``. On a turn of a joint whose rotation is a
+    quaternion, ``"hip.wx"``, it is a torque about that axis behind the joint.
 
     Parameters
     ----------
