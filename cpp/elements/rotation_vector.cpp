@@ -13,10 +13,9 @@ using Quaternion = std::array<T, 4>;
 
 template <class T>
 Quaternion<T> product(const Quaternion<T>& p, const Quaternion<T>& q) {
-    return {p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
-            p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
-            p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
-            p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0]};
+    return {
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3], p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+        p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1], p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0]};
 }
 
 // A turn by an angle about an axis, and its derivative by the angle.
@@ -56,8 +55,7 @@ std::array<double, highest + 1> angle_by_sine(double w) {
     const double square = (1.0 - w) * (1.0 + w);
     A[0] = std::acos(w) / std::sqrt(square);
     A[1] = (w * A[0] - 1.0) / square;
-    for (int k = 2; k <= highest; ++k)
-        A[k] = ((2 * k - 1) * w * A[k - 1] + (k - 1) * (k - 1) * A[k - 2]) / square;
+    for (int k = 2; k <= highest; ++k) A[k] = ((2 * k - 1) * w * A[k - 1] + (k - 1) * (k - 1) * A[k - 2]) / square;
     return A;
 }
 
