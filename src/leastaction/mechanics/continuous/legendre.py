@@ -7,9 +7,15 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.continuous.stabilisation import ConstraintMetric
+from leastaction.mechanics.mechanism.arguments import configuration_on
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_flag, require_instance, shape_of
 from leastaction.numerics.public import public
+
+_SINGULAR = (
+    "the mass matrix is singular at this configuration, so velocities do not follow from momenta; give every dynamic "
+    "variable a mass to move"
+)
 
 
 @public
@@ -29,8 +35,9 @@ def to_momentum(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> Array:
     require_instance(mechanism, "mechanism", Mechanism)
     m = mechanism
     single, (qs, vs) = _rows(m, {"q": (q, m.nq), "v": (v, m.nv)})
-    p = np.array([m.core.gradient(*pair)[1][: m.nd] for pair in zip(qs, vs, strict=True)])
-    return p[0] if single else p.reshape(len(qs), m.nd)
+    p = np.empty((len(qs), m.nd))
+    m.core.momenta(configuration_on(m, qs, "q"), vs, p)
+    return p[0] if single else p
 
 
 @public
@@ -64,19 +71,15 @@ def to_velocity(
     require_instance(mechanism, "mechanism", Mechanism)
     as_flag(keep_constraints, "keep_constraints")
     m, nd = mechanism, mechanism.nd
-    if v_rho is None:
-        v_rho = np.zeros((*(shape_of(p) or (0,))[:-1], m.nrho))
-    still = np.zeros(m.nv)
-    given = {"q": (q, m.nq), "p": (p, nd), "v_rho": (v_rho, m.nrho)}
-    single, (qs, ps, rhos) = _rows(m, given)
+    given = {"q": (q, m.nq), "p": (p, nd)}
+    if v_rho is not None:
+        given["v_rho"] = (v_rho, m.nrho)
+    single, (qs, ps, *rhos) = _rows(m, given)
     v = np.empty((len(qs), m.nv))
-    v[:, nd:] = rhos
-    for row, at, momentum in zip(v, qs, ps, strict=True):
-        mass = m.core.hessian(at, still)[2]
-        if m.nrho:
-            momentum = momentum - mass[:nd, nd:] @ row[nd:]
-        row[:nd] = solve_mass(mass[:nd, :nd], momentum)
-        if keep_constraints and m.nc:
+    if not m.core.velocities(configuration_on(m, qs, "q"), ps, rhos[0] if rhos else None, v):
+        raise ArgumentError(_SINGULAR)
+    if keep_constraints and m.nc:
+        for row, at in zip(v, qs, strict=True):
             metric = ConstraintMetric(m, at)
             row[:nd] -= metric.change(metric.jacobian @ row)
     return v[0] if single else v
@@ -123,17 +126,7 @@ def _rows(m: Mechanism, given: dict[str, tuple[ArrayLike, int]]) -> tuple[bool, 
 
 def solve_mass(matrix: Array, right: Array) -> Array:
     """Return the solution of equations with a mass matrix or with T; an `ArgumentError` if there is none."""
-    from scipy.linalg.lapack import dposv  # slow to import; a fifth of the time of NumPy's for few variables
-
-    if right.ndim == 1 and len(right):
-        _, found, info = dposv(matrix, right)
-        if info == 0:
-            return np.asarray(found)
     try:
-        result = np.asarray(np.linalg.solve(matrix, right))
+        return np.asarray(np.linalg.solve(matrix, right))
     except np.linalg.LinAlgError:
-        raise ArgumentError(
-            "the mass matrix is singular at this configuration, so velocities do not follow from momenta; give "
-            "every dynamic variable a mass to move"
-        ) from None
-    return result
+        raise ArgumentError(_SINGULAR) from None

@@ -9,11 +9,10 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.mechanics.mechanism.turns import differences
-from leastaction.numerics import rotations
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.looking_back import InputRates, LookingBack, Need
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
+from leastaction.systems.quantities.rates import Rates
 from leastaction.systems.quantities.scaled import Scaled
 
 KINDS = ("input", "variable", "rate", "acceleration", "momentum", "multiplier", "tension", "state", "input rate")
@@ -62,85 +61,6 @@ def quantity_of(mechanism: Mechanism, kind: str, t: Array, *, multipliers: bool)
     if kind == "tension":
         return Tensions(m, Scaled.tensions(m, 1.0), dt)
     raise ArgumentError(f"quantity: got {kind!r}, expected one of {', '.join(map(repr, KINDS))}")
-
-
-class Rates(Quantity):
-    """Mean rates of variables over steps, ``(q_{k+1} - q_k) / dt``; of a quaternion its mean angular velocity.
-
-    ``which``: the variables. That of a quaternion is the rotation vector of the step by its length, in the axes behind
-    the joint: what the integrator calls the velocity of the step.
-    """
-
-    kind = "rate of"
-    looks_ahead = True
-
-    def __init__(self, mechanism: Mechanism, which: Instants, dt: Array) -> None:
-        m = mechanism
-        self.mechanism, self.which, self.dt = m, which, dt
-        self.names = tuple(m.variables[i] for i in which)
-        firsts = [m.variables.index(rotation.variables[0]) for rotation in m.tree.rotations]
-        self._turns = [slice(i, i + 3) for i in firsts if ((i <= which) & (which < i + 3)).any()]
-        turned = [i for turn in self._turns for i in range(turn.start, turn.stop)]
-        self._moved: Instants = np.union1d(which, turned).astype(np.intp)
-
-    def values(self, at: Samples) -> Array:
-        m = self.mechanism
-        if self._turns:
-            return np.asarray(differences(m, *self._ends(at))[:, self.which] / self.dt[at.k, None])
-        places = self.which if m.nq == m.nv else [m.coordinates.index(name) for name in self.names]
-        return np.asarray((at.x_next[:, places] - at.x[:, places]) / self.dt[at.k, None])
-
-    def columns(self, nx: int, nu: int) -> Instants:
-        return np.concatenate([self._moved, nx + nu + self._moved])
-
-    def jacobian(self, at: Samples) -> Array:
-        n, count, dt = self.mechanism.nv, len(at.k), self.dt[at.k, None, None]
-        if not self._turns:
-            each = np.eye(n)[self.which][:, self._moved] / dt
-            return np.concatenate([-each, each], axis=2)
-        before, after = (np.broadcast_to(sign * np.eye(n), (count, n, n)).copy() for sign in (-1.0, 1.0))
-        for turn, phi in self._vectors(at):
-            after[:, turn, turn] = rotations.logarithm_derivative(phi)
-            before[:, turn, turn] = -rotations.logarithm_derivative(-phi)
-        whole = np.concatenate([each[:, self.which][:, :, self._moved] for each in (before, after)], axis=2)
-        return np.asarray(whole / dt)
-
-    def curvature(self, at: Samples, y: Array) -> Array | None:
-        """Return the second derivative; None without quaternions, where they are linear."""
-        if not self._turns:
-            return None
-        n = self.mechanism.nv
-        whole, w = np.zeros((len(at.k), 2 * n, 2 * n)), np.zeros((len(at.k), n))
-        for column, i in enumerate(self.which):
-            w[:, i] += y[:, column] / self.dt[at.k]
-        for turn, phi in self._vectors(at):
-            early, late, pull = turn, slice(n + turn.start, n + turn.stop), w[:, turn]
-            between = rotations.logarithm_between(phi, pull)
-            whole[:, early, early] = rotations.logarithm_curvature(-phi, -pull)
-            whole[:, late, late] = rotations.logarithm_curvature(phi, pull)
-            whole[:, early, late], whole[:, late, early] = between, between.swapaxes(1, 2)
-        places = np.concatenate([self._moved, n + self._moved])
-        return np.asarray(whole[:, places[:, None], places])
-
-    def joined(self, others: Sequence[Quantity]) -> Rates:
-        return Rates(self.mechanism, np.concatenate([part.which for part in self.among(others)]), self.dt)
-
-    def select(self, rows: Sequence[int]) -> Rates:
-        return Rates(self.mechanism, self.which[list(rows)], self.dt)
-
-    def is_like(self, other: Quantity) -> bool:
-        return isinstance(other, Rates) and self.names == other.names and np.array_equal(self.dt, other.dt)
-
-    def _ends(self, at: Samples) -> tuple[Array, Array]:
-        nq = self.mechanism.nq
-        return np.ascontiguousarray(at.x_next[:, :nq]), np.ascontiguousarray(at.x[:, :nq])
-
-    def _vectors(self, at: Samples) -> list[tuple[slice, Array]]:
-        """Return where the turns of quaternions are among the variables, and their vectors (n, 3) over the steps."""
-        if not self._turns:
-            return []
-        moved = differences(self.mechanism, *self._ends(at))
-        return [(turn, moved[:, turn]) for turn in self._turns]
 
 
 class AccelerationQuantity(Quantity):
@@ -240,7 +160,7 @@ class Tensions(Quantity):
     is a variable. ``dt`` (N,).
     """
 
-    of_state, first, by_entries = True, 1, True
+    of_state, first = True, 1
     kind, unit = "tension of", "N"
 
     def __init__(self, mechanism: Mechanism, strings: Scaled, dt: Array) -> None:
@@ -251,8 +171,10 @@ class Tensions(Quantity):
         rates = m.nq + m.nd + np.maximum(strings.places - (m.nq - m.nrho), 0) if m.nrho else strings.places
         places = m.nx + strings.rows, strings.places, rates
         self._lam, self._length, self._rate = places
-        self._columns = np.unique(np.concatenate(places))
-        self._at = [np.searchsorted(self._columns, each) for each in places]
+        # A state has more numbers than directions, before those of prescribed variables, where it has quaternions.
+        by = [np.maximum(each - (m.nx - m.ndx), 0) for each in places]
+        self._columns = np.unique(np.concatenate(by))
+        self._at = [np.searchsorted(self._columns, each) for each in by]
 
     def values(self, at: Samples) -> Array:
         return np.asarray(at.x[:, self._lam] * self._factor(at))
