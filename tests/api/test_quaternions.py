@@ -95,9 +95,9 @@ def test_mass_matrix_is_that_of_angles_at_zero() -> None:
     one = floater()
     other = Mechanism(
         [
-            free("base", mass=2.0, inertia=(0.1, 0.2, 0.15)),
+            free("base", axes="xyz", mass=2.0, inertia=(0.1, 0.2, 0.15)),
             [
-                *[tx(0.2), [ball("arm", name="hand", mass=0.3, com=(0.1, 0.0, 0.05), inertia=(1e-3,) * 3)]],
+                *[tx(0.2), [ball("arm", axes="xyz", name="hand", mass=0.3, com=(0.1, 0.0, 0.05), inertia=(1e-3,) * 3)]],
                 rz("wheel", mass=0.1, inertia=(1e-3,) * 3),
             ],
         ],
