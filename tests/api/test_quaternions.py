@@ -16,7 +16,6 @@ from leastaction.expressions import variable
 from leastaction.mechanics import (
     Armature,
     BodyWrench,
-    ContinuousDynamics,
     CoulombFriction,
     Damping,
     ExpressionPotential,
@@ -190,7 +189,6 @@ def test_what_is_not_there_says_so() -> None:
     q, v = m.configuration(), np.zeros(m.nv)
     vi, run = MidpointVI(m), moved(m)
     asked: list[Callable[[], Any]] = [
-        lambda: ContinuousDynamics(m),
         lambda: configuration_by(m, q, ["base.mass"]),
         lambda: m.lagrangian(q, v),
         lambda: m.potential(q),
