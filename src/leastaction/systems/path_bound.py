@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -95,9 +96,11 @@ class PathBound(Limit):
     of = "length"
 
     def __post_init__(self) -> None:
-        for path, factor in self.terms.items():
+        given: Any = self.path
+        for path in given if isinstance(given, Mapping) else [given]:
             if isinstance(path, str) or len(path) < 2:
                 raise ArgumentError(f"PathBound: path: got {path!r}, expected two frames or more")
+        for path, factor in self.terms.items():
             if as_number(factor, f"PathBound: factor of {path!r}") == 0.0:
                 raise ArgumentError(f"PathBound: got a factor of 0 for {path!r}, expected a sum without it")
         if self.min is None and self.max is None:
@@ -108,7 +111,7 @@ class PathBound(Limit):
         """The paths by their factors."""
         if isinstance(self.path, Mapping):
             return dict(self.path)
-        return {self.path if isinstance(self.path, str) else tuple(self.path): 1.0}  # type: ignore[dict-item]
+        return {tuple(self.path): 1.0}
 
     @property
     def names(self) -> str:
