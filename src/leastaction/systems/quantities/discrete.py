@@ -111,9 +111,7 @@ class AccelerationsAcross(LookingBack):
     kind = "acceleration of"
     looks_ahead = True
 
-    def __init__(
-        self, mechanism: Mechanism, which: Instants, dt: Array, memory: Recalled | None = None
-    ) -> None:
+    def __init__(self, mechanism: Mechanism, which: Instants, dt: Array, memory: Recalled | None = None) -> None:
         self.mechanism, self.which, self.dt = mechanism, which, dt
         self.names = tuple(mechanism.variables[i] for i in which)
         super().__init__(memory)
