@@ -151,7 +151,7 @@ def test_what_is_not_there_says_so() -> None:
         lambda: m.lagrangian(q, v),
         lambda: m.potential(q),
         lambda: m.frame_pose_derivative(q, "hand"),
-        lambda: m.frame_jacobian_derivative(q, "hand"),
+        lambda: m.frame_jacobian_derivative(q, "hand", order=2),
         lambda: vi.discrete_lagrangian(q, q, 0.1),
         lambda: vi.sensitivity(run, ["base.mass"]),
         run.reactions,

@@ -10,6 +10,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -172,6 +173,28 @@ def test_assembly_and_equilibrium(monkeypatch: pytest.MonkeyPatch) -> None:
     assert result.rest.residual < 1e-9
     # A swing of 4 mrad is as fast as the linear one to its square.
     np.testing.assert_allclose(result.frequencies, result.rest.frequencies / (2.0 * np.pi), rtol=2e-4)
+
+
+# Rotations that are quaternions
+
+
+def example(script: str, monkeypatch: pytest.MonkeyPatch) -> tuple[ModuleType, Any]:
+    """Return a script as a module, and what its `solve` finds."""
+    module = load(script, monkeypatch)
+    return module, module.solve()
+
+
+def test_falling_cat(monkeypatch: pytest.MonkeyPatch) -> None:
+    cat, found = example("24_falling_cat", monkeypatch)
+    assert found.status is Status.CONVERGED
+    R, rear = (cat.CAT.frame_pose(found.trajectory.q, name)[:, :3, :3] for name in ("front", "rear"))
+    assert R[0, 2, 2] == pytest.approx(-1.0)
+    assert R[-1, 2, 2] >= np.cos(0.03) - 1e-9
+    assert np.abs(found.trajectory.p).max() < 1e-12  # no momentum, as it had none
+    assert np.sum(R[:, :, 0] * rear[:, :, 0], axis=1).min() > np.cos(1.3 + 1e-6)
+    assert np.abs(found["sway"]).max() == pytest.approx(0.6, abs=1e-4)
+    # A back that is held turns nothing.
+    assert found["bend"][-1] == pytest.approx(0.0, abs=1e-8)
 
 
 # The systems of the dissertation's examples

@@ -28,6 +28,7 @@ from leastaction.optimal.starts.stages import (
     check_options,
     check_stages,
 )
+from leastaction.systems.assembly_modes import on_the_best_mode
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.pulled import PulledSystem
 from leastaction.systems.warm_starts import warm_start
@@ -64,6 +65,11 @@ def relax(
     stiffness to the next, by factors that grow where that was easy, until what is left of ``h`` is below the tolerance.
     Then the configurations are brought onto the constraints (`warm_start`) and optimised with them.
 
+    A loop that was open at the start is closed at its nearest. Where that cannot follow, since nothing is found or
+    standing still with the loop closed in another way would cost less, other ways are tried at the same places of what
+    is driven, and the one that costs least is taken. Where none follows the message says so. An initial state that
+    satisfies the constraints is kept, and the message says where another one would do better.
+
     Parameters
     ----------
     system : MidpointSystem
@@ -81,7 +87,7 @@ def relax(
     stage_iterations, stage_tolerance : int, float
         ``max_iterations`` and ``tolerance`` of the optimisations with springs.
     max_stages : int
-        Limit on their number.
+        Limit on their number; of further ways to close a loop few are tried.
     callback : callable, optional
         Called with a `StageRecord` after every stage, whose value is the stiffness (infinite for the last one); a true
         answer ends the search.
@@ -134,10 +140,12 @@ def relax(
         max_stages=max_stages,
         callback=callback,
     )
+    given = given_start(system, initial)
     if found.result is None or found.status not in (StartStatus.COMPLETED, StartStatus.GAVE_UP):
-        return found
+        return on_the_best_mode(found, system, cost, given, callback, options)
     soft = next(each for value, each in softer.items() if np.isclose(value, found.value))
-    return _put_back("with its constraints", found, soft, system, cost, callback, options)
+    closed = _put_back("with its constraints", found, soft, system, cost, callback, options)
+    return on_the_best_mode(closed, system, cost, given, callback, options)
 
 
 @public
