@@ -37,6 +37,7 @@ def plot_poses(
     *,
     reference: BaseTrajectory[Any] | npt.ArrayLike | None = None,
     shapes: Sequence[Shape] | None = None,
+    traces: Sequence[str] = (),
     title: str = "",
 ) -> Figure:
     """Draw a motion as pictures beside each other, as `leastaction.show` does.
@@ -51,6 +52,8 @@ def plot_poses(
         Drawn pale behind it, as `leastaction.show` does.
     shapes : sequence of Shape, optional
         What frames look like, as of `leastaction.show`.
+    traces : sequence of str, optional
+        Frames whose paths are drawn.
     title : str, optional
         Heading.
 
@@ -71,7 +74,7 @@ def plot_poses(
     moments = np.linspace(begin, end, _COUNT) if times is None else as_array(times, "times", (None,))
     if not len(moments) or moments.min() < begin or moments.max() > end:
         raise ArgumentError(f"times: got {moments.tolist()}, expected some from {begin:g} to {end:g} s")
-    scenes: Sequence[Any] = show(run, reference=reference, shapes=shapes).scenes
+    scenes: Sequence[Any] = show(run, reference=reference, shapes=shapes, traces=traces).scenes
     top = _TITLE if title else 0.0
     width = (WIDTH - (len(moments) - 1) * _GAP) / len(moments)
     height = width / _ASPECT
