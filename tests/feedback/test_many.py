@@ -184,3 +184,32 @@ def test_optima_of_many_starts_are_those_of_each():
         np.testing.assert_array_equal(result.u, optimize(system, cost, initial=start).u)
     with pytest.raises(ArgumentError, match="system: got int"):
         optimize_many(3, cost, starts)
+
+
+def test_on_a_cluster_of_dask_it_is_the_same_and_goes_on_where_it_was(tmp_path):
+    distributed = pytest.importorskip("dask.distributed", reason="Dask is not installed")
+    joblib = pytest.importorskip("joblib")
+    system = LinearSystem([[1.0, 0.1], [0.0, 1.0]], [[0.0], [0.1]], N=20)
+    cost = QuadraticCost(np.zeros((21, 2)), np.zeros((20, 1)), Q=[1.0, 0.1], R=[0.1])
+    starts = [(np.array([a, 0.0]), np.zeros((20, 1))) for a in (1.0, 2.0, 3.0, 4.0)]
+
+    class Ended(Exception):
+        pass
+
+    def until_two(done: int, whole: int) -> None:
+        if done == 2:
+            raise Ended
+
+    here = optimize_many(system, cost, starts, workers=1)
+    cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
+    with cluster, distributed.Client(cluster), joblib.parallel_config(backend="dask"):
+        with pytest.raises(Ended):
+            optimize_many(system, cost, starts, keep=tmp_path, progress=until_two)
+        assert len(list(tmp_path.glob("*.pickle"))) == 2
+        counts = []
+        there = optimize_many(system, cost, starts, keep=tmp_path, progress=lambda done, _: counts.append(done))
+        assert counts == [2, 3, 4]
+        assert sweep(squared, [1.0, -1.0], workers=2) == [1.0, Failed("ArgumentError: no root")]
+    for one, other in zip(here, there, strict=True):
+        np.testing.assert_array_equal(one.x, other.x)
+        np.testing.assert_array_equal(one.u, other.u)

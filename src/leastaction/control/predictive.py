@@ -106,7 +106,7 @@ class MPC:
     info : PredictiveInfo
         What the last call did.
     x, u, K : ndarray (horizon+1, nx), (horizon, nu), (horizon, nu, ndx)
-        Its plan, and the gains along it.
+        Its plan, and the gains along it; the next call writes over them.
 
     Raises
     ------
