@@ -48,7 +48,7 @@ def run(seconds: float, *, controlled: bool = True) -> tuple[ClosedLoop, la.Midp
                 out[m.nq + m.dynamic.index(name)] = momentum
         return out
 
-    law = controller(m, start) if controlled else (lambda t, x: start[m.nd : m.nq])
+    law = controller(m, start) if controlled else (lambda _t, _x: start[m.nd : m.nq])
     return close_loop(vi, law, start, t, disturbance=knock), vi
 
 

@@ -42,8 +42,8 @@ class WindowModel(NamedTuple):
 class InteriorPoint:
     """Where the interior point method ended.
 
-    ``dx`` (N+1, ndx), ``du`` (N, nu): the changes. ``K`` (N, nu, ndx): the gains of its last recursion. All in memory of
-    the method. ``iterations``, ``converged``: how many there were, and whether these were enough. ``excess``: the
+    ``dx`` (N+1, ndx), ``du`` (N, nu): the changes. ``K`` (N, nu, ndx): the gains of its last recursion. All in memory
+    of the method. ``iterations``, ``converged``: how many there were, and whether these were enough. ``excess``: the
     largest violation of a limit to first order, in its scale.
     """
 
