@@ -37,13 +37,15 @@ def load(
     motors: bool | Sequence[str] | None = None,
     bodies: Mapping[str, Body] | None = None,
     inertia: Literal["strict", "repair"] = "strict",
+    axes: Axes = "quaternion",
     strict: bool = False,
 ) -> Model:
     """Return the mechanism of a URDF or an MJCF, with its limits, keyframes and shapes.
 
     Joints keep their names as variables, links and sites theirs as frames. A joint that follows another by a URDF's
-    ``mimic`` moves with the other's variable, without a constraint. Ball and free joints have the variables ``name.rx``
-    ..., as `ball` and `free`. Nothing is compiled by other programs; an MJCF needs the extra ``models``.
+    ``mimic`` moves with the other's variable, without a constraint. Ball and free joints have a unit quaternion
+    ``name.qw`` ..., scalar first, and the angular velocity ``name.wx`` ..., as `ball` and `free`. Nothing is compiled
+    by other programs; an MJCF needs the extra ``models``.
 
     Parameters
     ----------
@@ -64,6 +66,8 @@ def load(
     inertia : "strict" or "repair", optional
         Whether negative masses and inertias and joints that move no mass are errors, or are mended: by the nearest
         inertia that a body can have, and a small mass. ``left_out`` says what was changed.
+    axes : "quaternion" or "xyz", optional
+        How ball and free joints turn: by unit quaternions, or by three angles ``name.rx``, ``name.ry``, ``name.rz``.
     strict : bool, optional
         Whether anything left out is an error.
 
@@ -85,6 +89,7 @@ def load(
     """
     file = Path(fspath(path))
     as_choice(inertia, "inertia", ("strict", "repair"))
+    as_choice(axes, "axes", get_args(Axes))
     free, all_or_nothing = as_flag(floating, "floating"), as_flag(strict, "strict")
     text = read_text(file)
     if file.suffix.lower() in OWN:
@@ -109,6 +114,7 @@ def load(
             robot = with_bodies(robot, bodies)
         if free:
             robot = with_free_base(robot)
+        robot = with_axes(robot, axes)
         model = _model(with_fixed(robot, fixed), robot, spec, motors, inertia == "repair")
     except ModelFileError as error:
         raise ModelFileError(f"{file}: {error}", line=error.line) from None
@@ -126,9 +132,9 @@ def _own(file: Path) -> Model:
 
 
 def _model(robot: Robot, file: Robot, spec: Any, which: bool | Sequence[str] | None, repair: bool) -> Model:
-    robot, changed = checked(robot, repair)
+    robot, changed = checked(with_rotors(robot), repair)
     names = settle(robot, file)
-    elements, left_out = elements_of_joints(names)
+    elements, left_out = elements_of_joints(robot, names)
     driven: dict[str, JointForce] = {}
     limits: list[Bound] = []
     keyframes: dict[str, Keyframe] = {}
