@@ -5,19 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from leastaction.errors import ArgumentError, DescriptionError, ModelFileError, some
 from leastaction.io.mechanisms import rotations
-from leastaction.io.mechanisms.changes import with_bodies, with_fixed, with_free_base
+from leastaction.io.mechanisms.changes import with_axes, with_bodies, with_fixed, with_free_base
 from leastaction.io.mechanisms.joint_elements import elements_of_joints, settling
 from leastaction.io.mechanisms.joint_elements import motors as motors_of
 from leastaction.io.mechanisms.kinds import OWN, is_mjcf, parse, read_text, require_urdf
-from leastaction.io.mechanisms.limits import limits_of_joints, limits_of_motors
+from leastaction.io.mechanisms.limits import limits_of_joints, limits_of_motors, limits_of_rotations
 from leastaction.io.mechanisms.masses import checked
 from leastaction.io.mechanisms.model import Keyframe, Model
 from leastaction.io.mechanisms.names import Names, settle
-from leastaction.io.mechanisms.parts import Robot
+from leastaction.io.mechanisms.parts import Axes, Robot
+from leastaction.io.mechanisms.rotation_elements import with_rotors
 from leastaction.io.mechanisms.tree import tree_of
 from leastaction.io.mechanisms.urdf import read_urdf
 from leastaction.mechanics import Armature, Body, Gravity, JointForce, Mechanism
@@ -93,7 +94,13 @@ def load(
     free, all_or_nothing = as_flag(floating, "floating"), as_flag(strict, "strict")
     text = read_text(file)
     if file.suffix.lower() in OWN:
-        given = {"floating": free, "fixed": fixed, "motors": motors is not None, "bodies": bodies is not None}
+        given = {
+            "axes": axes != "quaternion",
+            "floating": free,
+            "fixed": fixed,
+            "motors": motors is not None,
+            "bodies": bodies is not None,
+        }
         if asked := [name for name, value in given.items() if value]:
             raise ArgumentError(
                 f"load: got {', '.join(asked)} for {file.name}, a file of ours, which says all of that itself; leave "
@@ -163,7 +170,7 @@ def _model(robot: Robot, file: Robot, spec: Any, which: bool | Sequence[str] | N
     return Model(
         mechanism=mechanism,
         name=robot.name,
-        limits=tuple(limits + limits_of_joints(names)),
+        limits=(*limits, *limits_of_joints(names), *limits_of_rotations(names, mechanism)),
         keyframes=keyframes,
         reference=reference,
         shapes=robot.shapes,

@@ -58,6 +58,7 @@ def elements_of(robot: Robot, joint: JointPart, friction_speed: float) -> tuple[
         stiffness=() if is_spring else joint.stiffness,
         armature=0.0 if rotor else joint.armature,
         friction=min(joint.friction, 0.0),
+        range=(None, None) if joint.kind == "ball" else joint.range,
     )
     why = {
         "damping": "damping is linear here",
@@ -65,7 +66,7 @@ def elements_of(robot: Robot, joint: JointPart, friction_speed: float) -> tuple[
         "armature": "what it turns against moves too",
         "frictionloss": "it drives the motion on",
         "springdamper": "it depends on what the joint moves, in each direction",
-        "range": "`Oriented(..., within=)` is such a cone, by hand",
+        "range": "a free joint has none",
     }
     return elements, _left_out(rest, "", **why)
 

@@ -58,10 +58,10 @@ def configuration_of(joint: JointPart, numbers: Array) -> dict[str, float]:
 
 def velocity_of(joint: JointPart, q: dict[str, float], numbers: Array) -> dict[str, float]:
     """Return the velocities of the variables from that of the place and the angular velocity in the link."""
-    names, turns = variables_of(joint), numbers[-3:]
+    names, turns = variables_of(joint), np.array(numbers[-3:], dtype=np.float64)
     if joint.axes != "quaternion":
         E = rates_to_angular(np.array([q[name] for name in names[-3:]]))
-        turns = np.linalg.lstsq(E, turns, rcond=None)[0]
+        turns = np.asarray(np.linalg.lstsq(E, turns, rcond=None)[0])
     return dict(zip(names, map(float, [*numbers[:-3], *turns]), strict=True))
 
 
