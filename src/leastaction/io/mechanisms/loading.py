@@ -26,6 +26,7 @@ from leastaction.mechanics.elements import Element
 from leastaction.numerics.arrays import as_choice, as_flag
 from leastaction.numerics.public import public
 from leastaction.optimal import Bound
+from leastaction.systems import PathBound
 
 
 @public
@@ -143,7 +144,7 @@ def _model(robot: Robot, file: Robot, spec: Any, which: bool | Sequence[str] | N
     names = settle(robot, file)
     elements, left_out = elements_of_joints(robot, names)
     driven: dict[str, JointForce] = {}
-    limits: list[Bound] = []
+    limits: list[Bound | PathBound] = []
     keyframes: dict[str, Keyframe] = {}
     if spec is None or which is not None:
         driven = motors_of(names, which)

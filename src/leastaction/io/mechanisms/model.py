@@ -62,7 +62,8 @@ class Model:
     name : str
         What the file calls it.
     limits : tuple of Limit
-        Limits of inputs, variables and rates, and of the angles of ball joints (`Oriented`), ready for `optimize`.
+        `Bound` of inputs, variables and rates, `PathBound` of lengths of tendons, and `Oriented` of the angles of ball
+        joints, ready for `optimize`.
     keyframes : mapping of str to Keyframe
         Configurations by name.
     reference : mapping of str to float
