@@ -18,14 +18,13 @@ using Matrix6 = Turning::Matrix6;
 
 struct SecondOrder::Turned {
     explicit Turned(const Mechanism& m)
-        : end(m.n_coordinates()), start_row(m.n_variables()), end_row(m.n_variables()) {}
-    PairDerivatives pairs;    // of the Lagrangian, its second derivatives themselves
+        : lagrangian(m), end(m.n_coordinates()), start_row(m.n_variables()), end_row(m.n_variables()) {}
+    Lagrangian<double> lagrangian;
     std::vector<double> end;  // q2 as a configuration
     std::vector<double> start_row, end_row;
     std::vector<Turning> turnings;
     std::vector<Vector6> along;   // mu and w_p of each ball
-    std::vector<Matrix6> slopes;  // of z by turns of the ends, or by what is given
-                                  // of one that is prescribed
+    std::vector<Matrix6> slopes;  // of z by turns of the ends, or by what is given of one that is prescribed
     StepHessian table;
     NewtonMatrix::Matrix all, rows;
 };
@@ -81,8 +80,7 @@ void SecondOrder::begin_turned() {
     }
 }
 
-// The rows and their derivatives, in the kernel's coordinates, where the duals
-// are.
+// The rows and their derivatives, in the kernel's coordinates.
 void SecondOrder::make_rows(double dt) {
     const Mechanism& m = mechanism_;
     Turned& t = *turned_;
@@ -107,8 +105,9 @@ void SecondOrder::make_rows(double dt) {
     for (const auto& [i, slot] : m.damping) add(i, -m.numbers[slot] * v_[i]);
     for (const auto& [i, input] : m.joint_forces) add(i, u[input]);
     for_each_entry(m.forces, middle, force_, add);
-    dual_.values(t.pairs);
-    t.table.evaluate(m, t.pairs, middle, split_, dt, local_, force_);
+    t.lagrangian.gradient(q_mid_.data(), v_.data());
+    t.lagrangian.hessian();
+    t.table.evaluate(m, t.lagrangian.pairs, middle, split_, dt, local_, force_);
 }
 
 double& SecondOrder::entry(int a, int b) {

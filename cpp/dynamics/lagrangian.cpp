@@ -14,6 +14,7 @@ using Wide = Eigen::Array<double, lanes, 1>;
 
 // The doubles of a scalar: its value, and for a dual its derivative; for a hyper-dual those of both its duals.
 inline double part_of(double x, int) { return x; }
+inline const Lanes& part_of(const Lanes& x, int) { return x; }
 inline double part_of(const Dual<double>& x, int part) { return part == 0 ? x.v : x.d; }
 inline double part_of(const HyperDual& x, int part) { return part_of(part < 2 ? x.v : x.d, part % 2); }
 
@@ -161,7 +162,9 @@ void Lagrangian<T>::inertias(double* by_variable) const
 }
 
 template <class T>
-void Lagrangian<T>::hessian() {
+void Lagrangian<T>::hessian()
+    requires(!std::is_same_v<T, Lanes>)
+{
     const int n = mechanism_.n_massive;
     if (pairs.stride == 0) {
         pairs.resize(mechanism_);
@@ -185,64 +188,37 @@ void Lagrangian<T>::hessian() {
     for (int i = 0; i < n; ++i) pair_products(i);
 }
 
-template <class T>
-struct Lagrangian<T>::Sums {
-    Wide vv = Wide::Zero(), v_q = Wide::Zero(), q_v = Wide::Zero(), qq = Wide::Zero();
-
-    void put(PairDerivatives& out, std::size_t at) const {
-        Eigen::Map<Wide>(&out.vv[at]) = vv;
-        Eigen::Map<Wide>(&out.v_q[at]) = v_q;
-        Eigen::Map<Wide>(&out.q_v[at]) = q_v;
-        Eigen::Map<Wide>(&out.qq[at]) = qq;
-    }
-};
-
-template <class T>
-inline void Lagrangian<T>::add_products(int i, int j, int part_of_row, int part_of_column, Sums& sums) const {
-    const double* A = &AB_[part_of_row][i * 12];
-    const double* B = A + 6;
-    const double* S = &S_wide_[part_of_column][j];
-    const double* W = &W_wide_[part_of_column][j];
-    const double* G = &G_wide_[part_of_column][j];
-    for (int c = 0; c < 6; ++c) {
-        const Wide s = Eigen::Map<const Wide>(S + c * stride_), w = Eigen::Map<const Wide>(W + c * stride_);
-        sums.vv += A[c] * s;
-        sums.v_q -= A[c] * w;
-        sums.q_v += B[c] * s;
-        sums.qq -= B[c] * w;
-    }
-    for (int c = 0; c < 3; ++c) sums.qq -= A[c] * Eigen::Map<const Wide>(G + c * stride_);
-}
-
 // The products of row i with all joints of its runs, `lanes` joints at a time. For a dual scalar the derivative of each
 // product: by the product rule the sum of two products of plain numbers, for a hyper-dual of four.
 template <class T>
-void Lagrangian<T>::pair_products(int i) {
+void Lagrangian<T>::pair_products(int i)
+    requires(!std::is_same_v<T, Lanes>)
+{
     const std::size_t row = i * pairs.stride;
     for (const auto& [first, last] : mechanism_.runs[i]) {
         for (int j = first; j < last; j += lanes) {
-            Sums sums;
-            for (int product = 0; product < parts; ++product) add_products(i, j, parts - 1 - product, product, sums);
-            sums.put(pairs, row + j);
+            Wide vv = Wide::Zero(), v_q = Wide::Zero(), q_v = Wide::Zero(), qq = Wide::Zero();
+            for (int product = 0; product < parts; ++product) {
+                const double* A = &AB_[parts - 1 - product][i * 12];
+                const double* B = A + 6;
+                const double* S = &S_wide_[product][j];
+                const double* W = &W_wide_[product][j];
+                const double* G = &G_wide_[product][j];
+                for (int c = 0; c < 6; ++c) {
+                    const Wide s = Eigen::Map<const Wide>(S + c * stride_), w = Eigen::Map<const Wide>(W + c * stride_);
+                    vv += A[c] * s;
+                    v_q -= A[c] * w;
+                    q_v += B[c] * s;
+                    qq -= B[c] * w;
+                }
+                for (int c = 0; c < 3; ++c) qq -= A[c] * Eigen::Map<const Wide>(G + c * stride_);
+            }
+            Eigen::Map<Wide>(&pairs.vv[row + j]) = vv;
+            Eigen::Map<Wide>(&pairs.v_q[row + j]) = v_q;
+            Eigen::Map<Wide>(&pairs.q_v[row + j]) = q_v;
+            Eigen::Map<Wide>(&pairs.qq[row + j]) = qq;
         }
     }
-}
-
-template <class T>
-void Lagrangian<T>::values(PairDerivatives& out) const
-    requires std::is_same_v<T, Dual<double>>
-{
-    if (out.stride == 0) {
-        out.resize(mechanism_);
-        put_rotors(mechanism_, out.vv);
-    }
-    for (int i = 0; i < mechanism_.n_massive; ++i)
-        for (const auto& [first, last] : mechanism_.runs[i])
-            for (int j = first; j < last; j += lanes) {
-                Sums sums;
-                add_products(i, j, 0, 0, sums);
-                sums.put(out, i * out.stride + j);
-            }
 }
 
 template <class T>
@@ -298,5 +274,6 @@ double Lagrangian<T>::potential_size() const
 template class Lagrangian<double>;
 template class Lagrangian<Dual<double>>;
 template class Lagrangian<HyperDual>;
+template class Lagrangian<Lanes>;
 
 }  // namespace leastaction
