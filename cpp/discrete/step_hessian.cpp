@@ -18,6 +18,7 @@ void StepHessian::evaluate(const Mechanism& m, const PairDerivatives& d, const F
         by_ends(nd + i, nq + j) += d22;
     };
     each_pair(m, d.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
+        if (!only.empty() && !only[i] && !only[j]) return;
         const double qq = weight * (0.25 * dt * d.qq[at]), vv = weight * (d.vv[at] / dt);
         const double sum = weight * (0.5 * (d.q_v[at] + d.v_q[at])), odd = weight * (0.5 * (d.q_v[at] - d.v_q[at]));
         add(i, j, qq - sum + vv, qq - vv + odd, qq - vv - odd, qq + sum + vv);

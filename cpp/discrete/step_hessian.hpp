@@ -13,6 +13,7 @@ namespace leastaction {
 // the coordinates of the kernel until turned; of `by_u`: inputs.
 struct StepHessian {
     NewtonMatrix::Matrix by_ends, by_u;
+    std::vector<char> only;  // which variables, one of each pair, are asked for; empty: all
 
     // At a middle at which the Lagrangian has these second derivatives.
     void evaluate(const Mechanism& m, const PairDerivatives& pairs, const ForcePoint<double>& middle, Split split,

@@ -26,12 +26,14 @@ struct SecondOrder::Turned {
     std::vector<Vector6> along;   // mu and w_p of each ball
     std::vector<Matrix6> slopes;  // of z by turns of the ends, or by what is given of one that is prescribed
     StepHessian table;
-    NewtonMatrix::Matrix all, rows;
+    NewtonMatrix::Matrix own, rows;
 };
 
 void SecondOrder::begin_balls() {
     if (mechanism_.balls.empty()) return;
     turned_ = std::make_shared<Turned>(mechanism_);
+    turned_->table.only.assign(nq_, 0);
+    for (const Ball& ball : mechanism_.balls) std::fill_n(&turned_->table.only[ball.variable], 3, 1);
     prescribed_turns_ = std::ranges::any_of(mechanism_.balls, &Ball::prescribed);
 }
 const double* SecondOrder::end() const { return turned_ ? turned_->end.data() : q2.data(); }
@@ -123,12 +125,17 @@ double& SecondOrder::entry(int a, int b) {
 void SecondOrder::turn(double dt) {
     make_rows(dt);
     Turned& t = *turned_;
-    const int n = 2 * nq_, at_u = nq_ + nd_;
-    auto& W = t.all;
-    W.resize(n, n);
+    const int n = 2 * nq_, at_u = nq_ + nd_, count = 6 * static_cast<int>(t.turnings.size());
+    const auto& balls = mechanism_.balls;
+    const auto place_of = [&](int row) {
+        const int at = balls[row / 6].variable, k = row % 6;
+        return k < 3 ? at + k : nq_ + at + k - 3;
+    };
+    auto& W = t.own;  // rows of balls alone
+    W.resize(count, n);
     t.rows.resize(6, n);
-    for (int a = 0; a < n; ++a)
-        for (int b = a; b < n; ++b) W(a, b) = W(b, a) = entry(a, b);
+    for (int row = 0; row < count; ++row)
+        for (int c = 0; c < n; ++c) W(row, c) = entry(place_of(row), c);
     std::vector<Vector6> by_z;  // r_z'Z by the kernel's coordinates of each ball
     for (const Ball& ball : mechanism_.balls) {
         Vector6 out = Vector6::Zero();
@@ -140,19 +147,19 @@ void SecondOrder::turn(double dt) {
         by_z.push_back(out);
     }
     t.table.turn_columns(mechanism_, t.turnings);
-    for (std::size_t b = 0; b < t.turnings.size(); ++b) {
-        const int at = mechanism_.balls[b].variable;
-        turn_rows(W, at, nq_ + at, t.slopes[b]);
+    for (int b = 0; b < count / 6; ++b) {
+        const int at = balls[b].variable;
+        turn_rows(W, 6 * b, 6 * b + 3, t.slopes[b]);
         turn_columns(W, at, nq_ + at, t.slopes[b]);
     }
     // Once all that is held has been turned, what the fields change by.
     for (std::size_t b = 0; b < t.turnings.size(); ++b) {
         const int at = mechanism_.balls[b].variable;
-        const auto place_of = [&](int k) { return k < 3 ? at + k : nq_ + at + k - 3; };
+        const int first = 6 * static_cast<int>(b);
         if (mechanism_.balls[b].prescribed) {
             const Matrix6 own = GivenTurning(&q2[at]).bend(by_z[b]);
             for (int k = 0; k < 6; ++k)
-                for (int l = 0; l < 6; ++l) W(place_of(k), place_of(l)) += own(k, l);
+                for (int l = 0; l < 6; ++l) W(first + k, place_of(first + l)) += own(k, l);
             if (nu_ == 0) continue;
             const int at_end = at_rho2_ + at - nd_;
             Eigen::Matrix<double, 6, Eigen::Dynamic> rows(6, nu_);
@@ -180,12 +187,11 @@ void SecondOrder::turn(double dt) {
             }
         }
         for (int k = 0; k < 6; ++k) {
-            double* to = &W(place_of(k), 0);
+            double* to = &W(first + k, 0);
             for (int c = 0; c < n; ++c) to[c] += rows(k, c);
-            for (int l = 0; l < 6; ++l) to[place_of(l)] += own(k, l);
+            for (int l = 0; l < 6; ++l) to[place_of(first + l)] += own(k, l);
+            for (int row = 0; row < count; ++row) W(row, place_of(first + k)) += rows(k, place_of(row));
         }
-        for (int c = 0; c < n; ++c)
-            for (int k = 0; k < 6; ++k) W(c, place_of(k)) += rows(k, c);
         if (nu_ == 0) continue;
         Eigen::Matrix<double, 6, Eigen::Dynamic> by_inputs(6, nu_);
         by_inputs << W_thth_.block(at, at_u, 3, nu_), W_yth_.block(at, at_u, 3, nu_);
@@ -196,11 +202,14 @@ void SecondOrder::turn(double dt) {
         W_thth_.block(at, at_u, 3, nu_) = by_inputs.topRows(3);
         W_yth_.block(at, at_u, 3, nu_) = by_inputs.bottomRows(3);
     }
-    for (int a = 0; a < n; ++a)
-        for (int b = a; b < n; ++b) {
-            entry(a, b) = W(a, b);
-            if (a >= nq_ && b < nq_ + nd_) W_yy_(b - nq_, a - nq_) = W(a, b);
+    for (int row = 0; row < count; ++row) {
+        const int a = place_of(row);
+        for (int c = 0; c < n; ++c) {
+            entry(a, c) = W(row, c);
+            if (std::min(a, c) >= nq_ && std::max(a, c) < nq_ + nd_)
+                W_yy_(a - nq_, c - nq_) = W_yy_(c - nq_, a - nq_) = W(row, c);
         }
+    }
 }
 
 // At the start the weighted sum holds -lam.X_mu h, at the end mu_h.h.
