@@ -341,10 +341,11 @@ class Optimizer:
                 f"limits: got a Periodic for {type(system).__name__}, expected a discrete system for a motion that "
                 "returns; in continuous time `Equal` asks for a given last state"
             )
-        if system.charts() is not None:
+        check_space(cost, system)
+        if system.space is None and system.charts() is not None:
             raise ArgumentError(
-                f"system: got a {type(system).__name__} whose states are no plain vectors, expected plain ones in "
-                "continuous time; in steps of time, DiscreteSystem, they may be any"
+                f"system: got a {type(system).__name__} with a difference of states of its own, expected `space` in "
+                "continuous time, where the numbers of states are steered"
             )
         accuracy = settings.accuracy or Accuracy()
         if self.limits or self.free_start is not False or settings.collocate:

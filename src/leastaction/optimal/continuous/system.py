@@ -20,7 +20,9 @@ from leastaction.optimal.system import Linearization, System
 class ContinuousSystem(System):
     """A system in continuous time.
 
-    Subclasses set `nx` and `nu`, and implement what `System` says.
+    Subclasses set `nx` and `nu`, and implement what `System` says. All derivatives are by the nx numbers of a state, and
+    gains act on them, also where not all numbers are states, as of a unit quaternion: a rate that leads from states to
+    states is enough. A `space` says how costs take differences.
     """
 
     jumps: Sequence[float] = ()
