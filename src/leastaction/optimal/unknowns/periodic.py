@@ -4,23 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, as_number
 from leastaction.numerics.public import public
-from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.looking_back import BEFORE
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
-from leastaction.optimal.unknowns.system import ExtendedSystem
+from leastaction.optimal.system import System
+from leastaction.optimal.unknowns.extended import Extended
 
 
 @public
 @dataclass(frozen=True)
 class Periodic(Limit):
     """Equations ``x_N = x_0 + offset`` of entries of the state, for a motion that may go on like this for ever.
+
+    A limit on how fast inputs change, or on accelerations, holds from the last step to the first as well, where all
+    that it is of returns: inputs always do.
 
     The initial state has to be free, ``optimize(..., free_start=True)``, or some entries of it. The cost has to weigh
     all that is free, or it is held there, such as the place of a walker: ``free_start=["knee", "p_*"]``.
@@ -59,14 +64,14 @@ class Periodic(Limit):
     def __str__(self) -> str:
         return f"Periodic({self.names!r})"
 
-    def entries(self, system: DiscreteSystem) -> list[int]:
+    def entries(self, system: System) -> list[int]:
         """Return the places of the entries in the state of a system."""
         known = system.quantity("state").names
         patterns = (self.names,) if isinstance(self.names, str) else tuple(self.names)
         places = system.returning_entries(patterns, str(self))
         if not places:
             raise ArgumentError(f"{self}: got no names")
-        chosen = [known[i] for i in places]
+        chosen = [known[i] for i in places if i < len(known)]
         for what in ("offset", "modulo"):
             for name in getattr(self, what):
                 if name not in chosen:
@@ -74,15 +79,17 @@ class Periodic(Limit):
                     raise ArgumentError(f"{self}: {what}: {name!r} is none of its entries; {there}")
         return places
 
-    def rows(self, system: DiscreteSystem, first: int) -> list[Rows]:
-        if not isinstance(system, ExtendedSystem) or first > 0:
+    def rows(self, system: Any, first: int) -> list[Rows]:
+        extended = system if isinstance(system, Extended) else getattr(system, "system", None)
+        if not isinstance(extended, Extended) or first > 0:
             raise ArgumentError(
                 f"{self}: got a fixed initial state, expected one that is free. Give free_start=True or the names that "
                 "are free to `optimize`; to come back to a given state, ask for `Equal` at the end"
             )
-        places = np.array(self.entries(system.system), dtype=np.intp)
-        known = system.system.quantity("state").names
-        names = [known[i] for i in places]
+        own: System = extended.system
+        places = np.array(self.entries(own), dtype=np.intp)
+        labels = [own.returning_name(i) for i in places.tolist()]
+        names = [label.removesuffix(BEFORE) for label in labels]
         rows = []
         for turning in (False, True):
             chosen = [j for j, name in enumerate(names) if (name in self.modulo) is turning]
@@ -90,7 +97,7 @@ class Periodic(Limit):
                 continue
             # What is kept of the first state counts from there, so the change is an entry itself.
             some = [names[j] for j in chosen]
-            change = Entries(some, places[chosen], of_state=True, kind="return of")
+            change = Entries([labels[j] for j in chosen], places[chosen], of_state=True, kind="return of")
             offset = np.array([[self.offset.get(name, 0.0) for name in some]])
             quantity: Quantity = change
             if turning:

@@ -15,8 +15,8 @@ from leastaction.optimal.quantity import Instants
 class Scaled(NamedTuple):
     """Entries of a vector, each times ``constant + slope q[place]``.
 
-    ``names``: of them. ``rows`` (m,): of the entries. ``places`` (m,): the variables that scale them; where none does,
-    any, with a slope of zero. ``constant``, ``slope`` (m,).
+    ``names``: of them. ``rows`` (m,): of the entries. ``places`` (m,): the coordinates that scale them; where none
+    does, any, with a slope of zero. ``constant``, ``slope`` (m,).
     """
 
     names: tuple[str, ...]
