@@ -52,9 +52,9 @@ class MechanismSystem(ContinuousSystem):
     State ``x = [q; rho; v; v_rho]``, input ``u = [inputs; rho_a]`` with the accelerations of the kinematic
     variables. Samples of whole trajectories are differentiated in the core, on several threads.
 
-    Rotations that are quaternions are steered as the four numbers that they are: all derivatives are by them, and gains
-    are (nu, nx). Their rate ``q' = q (0, w) / 2`` keeps their length, and what rounding or a mesh makes of it is without
-    effect. `space` says how a cost takes differences: ``ContinuousQuadraticCost(..., space=system)``.
+    Rotations that are quaternions are steered as the four numbers that they are: all derivatives are by them, and
+    gains are (nu, nx). Their rate ``q' = q (0, w) / 2`` keeps their length, and what rounding or a mesh makes of it is
+    without effect. `space` says how a cost takes differences: ``ContinuousQuadraticCost(..., space=system)``.
 
     A constrained mechanism starts on its constraints and stays there to the accuracy of the integration;
     `ContinuousDynamics` with Baumgarte's stabilisation holds it there longer.
@@ -202,7 +202,8 @@ class MechanismSystem(ContinuousSystem):
     def _remade(self, mechanism: Mechanism) -> Self:
         own = self.dynamics
         settings = {name: getattr(own, name) for name in ("constraint_damping", "constraint_stiffness", "threads")}
-        return changed(self, mechanism=mechanism, dynamics=ContinuousDynamics(mechanism, **settings))
+        dynamics = ContinuousDynamics(mechanism, **settings)
+        return changed(self, mechanism=mechanism, dynamics=dynamics, kinematics=Kinematics(mechanism))
 
     def conditions_of(self, names: Sequence[str]) -> list[Quantity]:
         return conditions_of(self.mechanism, names)
@@ -220,7 +221,7 @@ class MechanismSystem(ContinuousSystem):
         if not m.nc or not numbers:
             return out
         entries = () if free is False else range(m.nq) if free is True else self.free_entries(list(free))
-        hold = [name for i, name in enumerate(m.variables) if i not in entries]
+        hold = [name for i, name in enumerate(m.coordinates) if i not in entries and name in m.variables]
         columns = [list(names).index(name) for name in numbers]
         q, v = np.ascontiguousarray(x[: m.nq]), np.ascontiguousarray(x[m.nq :])
         try:
@@ -231,7 +232,8 @@ class MechanismSystem(ContinuousSystem):
                 f"unknowns: too little of the start is free to follow: {error}, or give free_start=True"
             ) from None
         rows = np.arange(m.nd)[:, None]
-        out[rows, columns], out[m.nq + rows, columns] = dq, dv
+        out[: m.nq, columns] = self.kinematics.directions(q)[:, : m.nd] @ dq
+        out[m.nq + rows, columns] = dv
         return out
 
     # ---- What it is asked -------------------------------------------------------------------------
