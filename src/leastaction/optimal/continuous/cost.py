@@ -221,7 +221,7 @@ class ContinuousQuadraticCost(ContinuousCost):
             result: Array = self.final_hessian(x, t) @ self._off(x, self._wanted_last(t))
             return result
         off = deviations(self.space, self.Q_final, x[None], self._wanted_last(t)[None])
-        return by_numbers(self.space, x[None], off.gradient[:, None])[0, 0]
+        return np.asarray(by_numbers(self.space, x[None], off.gradient[:, None])[0, 0])
 
     def final_hessian(self, x: Array, t: float) -> Array:
         if self.Q_final is None:
@@ -229,7 +229,7 @@ class ContinuousQuadraticCost(ContinuousCost):
         if self.space is None:
             return matrix_of(self.Q_final)
         found = deviations(self.space, self.Q_final, x[None], self._wanted_last(t)[None])
-        return bent_by_numbers(self.space, x[None], found.gradient, found.squares + found.bend)[0]
+        return np.asarray(bent_by_numbers(self.space, x[None], found.gradient, found.squares + found.bend)[0])
 
     def _off(self, x: Array, wanted: Array) -> Array:
         return x - wanted if self.space is None else self.space.difference(x, wanted)
