@@ -182,8 +182,8 @@ def _results(
     pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered")
     found = pool(joblib.delayed(attempt)(i, values[i]) for i in todo)
     try:
-        for each in found:  # so that it is closed below, and not here
-            yield each  # noqa: UP028
+        for each in found:  # noqa: UP028 - so that it is closed below, and not here
+            yield each
     except BrokenExecutor as error:
         raise SweepError(
             f"worker processes died after {len(done)} of {len(values)} results: killed, or out of memory ({error}). "
