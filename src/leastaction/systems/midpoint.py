@@ -29,7 +29,7 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.units import input_units, multiplier_units, state_units
 from leastaction.numerics.arrays import Array, as_number, as_times, require_instance
 from leastaction.numerics.dataset import Dataset
-from leastaction.numerics.frozen import changed, restore_state, saved_state
+from leastaction.numerics.frozen import changed, made, restore_state, saved_state
 from leastaction.numerics.public import public
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, check_window
@@ -371,7 +371,9 @@ class MidpointSystem(DiscreteSystem):
             failure = self._failure(out.status, worst, start + done)
         x = self._states(out.x[: done + 1], out.lam[:done], x0)
         at = None if worst is None else start + out.worst.k
-        return Rollout(x, out.u[:done], done, failure, worst, at)
+        return made(
+            Rollout, x=x, u=out.u[:done], steps_done=done, failure=failure, worst_step=worst, worst_at=at
+        )
 
     def linearize_by(
         self, x: Array, u: Array, names: Sequence[str], out: Linearization | None = None
@@ -387,7 +389,10 @@ class MidpointSystem(DiscreteSystem):
         return self._linearization(self._linearize(self.t, x, u, self.first_share, _memory_of(out)))
 
     def _linearization(self, d: StepDerivatives) -> Linearization:
-        return Linearization(d.A_all, d.B_all, d.curvature_all, d, self._pattern, d.packed_curvature_all)
+        return made(
+            Linearization, A=d.A_all, B=d.B_all, second=d.curvature_all, memory=d, pattern=self._pattern,
+            packed=d.packed_curvature_all,
+        )  # fmt: skip
 
     def step_each(self, x: Array, u: Array) -> Rollout:
         if type(self).f is not MidpointSystem.f:

@@ -240,7 +240,6 @@ def recursion(
     K, C, b, P0 = workspace.K, workspace.C, workspace.b, workspace.P0
     P, factors = workspace.keep() if keep_P else (None, None)
     (Q, Q_diagonal), (R, R_diagonal) = _block(Q), _block(R)
-    small = {"Q": Q, "R": R, "S": S, "q": q, "r": r, "c": c, "Q_final": Q_final, "q_final": q_final}
     columns, matrices = (None, None) if part is None else part
     report = _core.solve_linear_quadratic(
         A,
@@ -251,19 +250,26 @@ def recursion(
         P0,
         P,
         factors,
+        Q=Q,
         Q_diagonal=Q_diagonal,
+        R=R,
         R_diagonal=R_diagonal,
+        S=S,
         H=H,
         H_scale=H_scale,
         part_columns=columns,
         part=matrices,
+        q=q,
+        r=r,
+        c=c,
+        Q_final=Q_final,
+        q_final=q_final,
         regularize=regularize,
         use_structure=use_structure,
         pattern=pattern,
-        **small,
     )
-    status = _core.LinearQuadraticStatus
-    if report.status == status.not_finite:
+    if report.status == _NOT_FINITE:
+        small = {"Q": Q, "R": R, "S": S, "q": q, "r": r, "c": c, "Q_final": Q_final, "q_final": q_final}
         for name, array in small.items():
             if array is not None:
                 require_finite(array, name)
@@ -271,7 +277,7 @@ def recursion(
             f"A, B, H, Q, R or S: got a value that is not finite, met at stage {report.stage} "
             f"(of 0 .. {len(A) - 1}). Look at A[{report.stage}], B[{report.stage}] and that stage's cost."
         )
-    definite = report.status == status.solved
+    definite = report.status == _SOLVED
     if not definite:
         for unread in (K[: report.stage + 1], C[: report.stage + 1], b[: report.stage + 1], P0):
             unread.fill(np.nan)
@@ -516,6 +522,9 @@ def _block(weight: Array | None) -> tuple[Array | None, bool]:
     if weight.ndim == 3 and weight.shape[2] == 1:
         return weight.reshape(weight.shape[:2]), True
     return weight, weight.ndim == 1
+
+
+_SOLVED, _NOT_FINITE = _core.LinearQuadraticStatus.solved, _core.LinearQuadraticStatus.not_finite
 
 
 def _message(definite: bool, report: _core.LinearQuadraticReport) -> str:

@@ -242,16 +242,16 @@ class Models:
 
     def where(self, direction: DiscreteDirection) -> str:
         """Return which input, and when, has most of the decrease that is expected of a direction."""
-        A, B = self.linearize()
-        gradient = self.merit.gradient()
-        z = adjoint(A, B, direction.gain, *gradient)
+        linearization, gradient = self.linearize(), self.merit.gradient()
+        A, B = linearization
+        z = adjoint(A, B, direction.gain, *gradient, pattern=linearization.pattern)
         feedforward = -direction.C
         if direction.dx is not None and direction.du is not None:
             feedforward = direction.du + np.einsum("kux,kx->ku", direction.gain, direction.dx[:-1])
         # By the gains of the direction, its slope is that of the feedforward alone.
-        shares = feedforward * (gradient.r + np.einsum("kxu,kx->ku", B, z[1:]))
-        k, i = np.unravel_index(np.argmin(shares), shares.shape)
-        return f"{self.system.input_name(int(i))!r} around {self.system.when(int(k))}"
+        shares = feedforward * (gradient.r + (z[1:, None] @ B)[:, 0])
+        k, i = divmod(int(shares.argmin()), shares.shape[1])
+        return f"{self.system.input_name(i)!r} around {self.system.when(k)}"
 
 
 def least_of(model: LinearQuadraticSolution, dx0: Array | None) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isfinite
 
 import numpy as np
 
@@ -55,7 +56,7 @@ def try_projection(
         stop = min(start + chunk, system.N)
         part = system.rollout(x[start], xbar, ubar, gain, start, stop)
         done = start + part.steps_done
-        worst_here = coarsest([worst_here, part.worst_step])
+        worst_here = coarsest([worst_here, part.worst_step]) if start else part.worst_step
         x[start + 1 : done + 1] = part.x[1:]
         if not part.complete:
             failed = Refusal(f"the roll-out failed: {part.failure}", done, failed=True, coarsest=worst_here)
@@ -67,8 +68,8 @@ def try_projection(
         u[start:stop] = part.u
         with np.errstate(over="ignore", invalid="ignore"):
             stage_values[start:stop] = cost.stage_values(states[start:stop], inputs[start:stop], start)
-            total = float(np.sum(stage_values[:stop]))
-            if not np.isfinite(total) or (cost.nonnegative and total > bound):
+            total = float(stage_values[:stop].sum())
+            if not isfinite(total) or (cost.nonnegative and total > bound):
                 k, reason = _spent(stage_values[:stop], bound, system)
                 return explain(x[: k + 1], Refusal(reason, k))
             if stop == system.N:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.cost import is_diagonal, own_matrices
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import ModelHessian, same
@@ -54,6 +54,7 @@ class LimitedCost:
             SideLayout([r.bounds.shape for r in self.rows]),
         )
         self.layout = self.duals.layout
+        self.instants = [read_only(each.k.astype(np.int64)) for each in self.rows]
         self.of_states = EntryRows(self.rows, self.layout, of_state=True, width=nx)
         self.of_inputs = EntryRows(self.rows, self.layout, of_state=False, width=nu)
         self.spare: dict[bool, Weights] = {}  # memory that is used again, of whole and of convex ones
@@ -86,14 +87,15 @@ class LimitedCost:
 
     def with_duals(self, gradient: CostGradient, duals: Sided, jacobians: Jacobians) -> CostGradient:
         """Return the gradient of the cost less the duals times the limits, given that of the cost."""
-        N, nx = gradient.q.shape
-        q, r = np.empty((N + 1, nx)), gradient.r.copy()
-        q[:-1], q[-1] = gradient.q, gradient.q_final
-        self.of_states.add_gradient(duals, q)
-        self.of_inputs.add_gradient(duals, r)
-        for each, jacobian in zip(self.others, jacobians, strict=True):
-            each.rows.add_gradient(jacobian, each.of(duals), q, r)
-        return CostGradient(q[:-1], r, q[-1])
+        q, r, q_final = gradient
+        r = self.of_inputs.pulled(duals, r)
+        if self.others or self.of_states.places.size:
+            whole = self.of_states.pulled(duals, np.concatenate([q, q_final[None]]))
+            r = r.copy() if r is gradient.r else r
+            for each, jacobian in zip(self.others, jacobians, strict=True):
+                each.rows.add_gradient(jacobian, each.of(duals), whole, r)
+            q, q_final = whole[:-1], whole[-1]
+        return CostGradient(q, r, q_final)
 
     def hessian(
         self,
@@ -136,7 +138,7 @@ class LimitedCost:
         if part is not None:
             few.append(part.columns)
         R = R if inputs is None else _with(R, inputs)
-        columns = np.unique(np.concatenate(few))
+        columns = self.columns if len(few) == 1 else np.unique(np.concatenate(few))
         if not len(columns):
             return ModelHessian(Q, R, S, Q_final)
         weights = self._weights(N, columns, whole=share == 1.0)

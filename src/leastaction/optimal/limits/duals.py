@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.arrays import Array
+from leastaction.numerics.frozen import made
 from leastaction.optimal.limit_report import Barrier, LimitReport, LimitState
 from leastaction.optimal.limits.barrier import (
     Split,
@@ -84,12 +85,17 @@ class Duals:
         # One for each column of every side.
         self.scale, self.rho = layout.columns.empty(), layout.columns.empty()
         self.y = layout.empty()
-        self._size = layout.columns.filled([side.size for side in self.sides]).flat
-        self._equal = layout.columns.filled([float(side.equal) for side in self.sides]).flat > 0.0
-        self._hard = layout.columns.filled([float(side.hard) for side in self.sides]).flat > 0.0
+        columns, sides = layout.columns, self.sides
+        self._size = columns.filled([side.size for side in sides]).flat
+        self._known = columns.filled([side.scale for side in sides]).flat
+        self._equal = columns.filled([float(side.equal) for side in sides]).flat > 0.0
+        self._hard = columns.filled([float(side.hard) for side in sides]).flat > 0.0
+        # Of equations and of what is asked at a single instant.
+        alone = [float(side.equal or shape[0] == 1) for side, shape in zip(sides, layout.shapes, strict=True)]
+        self._alone = columns.filled(alone).flat > 0.0
         self._dear = np.where(self._equal, _DEAR_EQUAL, _DEAR)
         self._in_equations = layout.spread(self._equal)
-        self._has_equations = bool(self._equal.any())
+        self._has_equations, self._has_hard = bool(self._equal.any()), bool(self._hard.any())
         self._other = self._other_sides()
         self.prices, self.scales = np.empty(0), np.empty(0)  # of all entries
         self.dearest, self.cheapest = 0.0, np.inf  # prices of an excess of a limit's scale
@@ -104,13 +110,12 @@ class Duals:
         self.mu, columns = mu, self.layout.columns
         seen = np.minimum(self.layout.largest(np.abs(c.flat)), depths)
         seen = np.maximum(seen, 1e-6 * (1.0 + self._size))
-        known = columns.filled([side.scale for side in self.sides]).flat
-        self.scale = Sided(np.where(known > 0.0, known, seen), columns)
-        alone = [side.equal or len(values) == 1 for side, values in zip(self.sides, c, strict=True)]
-        prices = columns.filled([price * (dearer if single else 1.0) for single in alone]).flat
-        # Who begins at such a limit is not to be thrown off it.
-        inside = self.layout.largest(_AT * self.layout.spread(self.scale.flat) - c.flat) == 0.0
-        prices = np.where(self._hard & inside, _HARD * price, prices)
+        self.scale = Sided(np.where(self._known > 0.0, self._known, seen), columns)
+        prices = price * np.where(self._alone, dearer, 1.0)
+        if self._has_hard:
+            # Who begins at such a limit is not to be thrown off it.
+            inside = self.layout.largest(_AT * self.layout.spread(self.scale.flat) - c.flat) == 0.0
+            prices = np.where(self._hard & inside, _HARD * price, prices)
         self.rho = Sided(prices / self.scale.flat, columns)
         self.settle_prices()
         self._begin_duals(c)
@@ -305,24 +310,29 @@ class Duals:
         self.settle_prices()
 
     def states(self, k: Sequence[Instants], c: Sided, duals: Sided, cost: float) -> tuple[LimitState, ...]:
-        """Return what is told of the limits, given their instants, values and duals, and the cost."""
-        least, sides = max(_ACTIVE * self.mu, np.sqrt(self.mu * abs(cost))), []
-        for i, own in enumerate(self.sides):
-            if own.equal and not own.first:
-                continue
-            dual = duals[i]
-            active = np.full(dual.shape, own.equal)
-            if own.equal:
-                dual = dual - duals[i + 1]
-            else:
-                active |= (dual * self.scale[i] > least) & (dual > _HARDLY * dual.max(axis=0, initial=0.0))
-            at = k[i].astype(np.int64)
-            for array in (at, active):
-                array.setflags(write=False)
-            # Copies: what is told outlives the run, and is saved.
-            value, dual, price = (read_only(each.copy()) for each in (c[i], dual, self.rho[i]))
-            sides.append(LimitState(own.limit, own.labels, own.equal, at, value, dual, price, active))
-        return tuple(sides)
+        """Return what is told of the limits, given their instants, values and duals, and the cost.
+
+        Nobody else writes to the instants.
+        """
+        least, layout, y = max(_ACTIVE * self.mu, np.sqrt(self.mu * abs(cost))), self.layout, duals.flat
+        enough = np.maximum(least / self.scale.flat, _HARDLY * layout.largest(y))
+        active = (y > layout.spread(enough)) | self._in_equations
+        net = np.where(self._in_equations, y - y[self._other], y) if self._has_equations else y.copy()
+        # Copies: what is told outlives the run, and is saved.
+        told = c.flat.copy(), net, self.rho.flat.copy(), active
+        for each in told:
+            each.setflags(write=False)
+        values, multipliers, prices, actives = (
+            Sided(each, of) for each, of in zip(told, (layout, layout, layout.columns, layout), strict=True)
+        )
+        return tuple(
+            made(
+                LimitState, limit=own.limit, labels=own.labels, equation=own.equal, k=k[i], value=values[i],
+                dual=multipliers[i], price=prices[i], active=actives[i],
+            )
+            for i, own in enumerate(self.sides)
+            if own.first or not own.equal
+        )  # fmt: skip
 
 
 def _between(least: Array, values: Array, most: Array) -> Array:

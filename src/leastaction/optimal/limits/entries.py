@@ -56,10 +56,9 @@ class EntryRows:
         if len(self.places):
             to.flat[self.at] = dz.take(self.places) * self.factors
 
-    def add_gradient(self, y: Sided, to: Array) -> None:
-        """Subtract ``y . dc`` from a gradient by states or inputs."""
-        if len(self.places):
-            to -= self._gathered(self.factors, y, to.shape)
+    def pulled(self, y: Sided, gradient: Array) -> Array:
+        """Return a gradient by states or inputs less ``y . dc``; itself where there are no such rows."""
+        return gradient - self._gathered(self.factors, y, gradient.shape) if len(self.places) else gradient
 
     def hessian(self, sigma: Sided, shape: tuple[int, int]) -> Array | None:
         """Return the diagonals of ``dc' sigma dc`` by states or inputs; None where there are no such rows."""

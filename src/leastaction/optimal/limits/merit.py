@@ -52,7 +52,6 @@ class BarrierMerit(Merit):
         # Of the iterate and of the duals; None: not yet.
         self._gradient: CostGradient | None = None  # with the barriers
         self._weighed: tuple[float, ModelHessian] | None = None  # second derivatives, with a share of what bends
-        self._central: bool | None = None  # whether the duals are near those of the barrier
         self._enough: tuple[float, float, float] | None = None  # goal, noise, and the decrease that is small enough
         self.newton_change: Sided | None = None
         self.are_settled = False
@@ -82,7 +81,7 @@ class BarrierMerit(Merit):
         self._room = self._enough = None
 
     def _forget_duals(self) -> None:
-        self._gradient = self._weighed = self._central = self._enough = self.newton_change = None
+        self._gradient = self._weighed = self._enough = self.newton_change = None
         self.are_settled = False
 
     # ---- Values -----------------------------------------------------------------------------------
@@ -124,13 +123,10 @@ class BarrierMerit(Merit):
 
     def tolerated(self, goal: float) -> float:
         """Return the expected decrease that is small enough at this stage, given what is so at the end."""
-        if self._central is None:
-            self._central = self.duals.are_central(self.room())
-        noise = self.here.noise
-        if self._enough is None or self._enough[:2] != (goal, noise):
-            enough = self.stages.tolerated(goal, noise, self.limits(), central=self._central)
-            self._enough = goal, noise, enough
-        return self._enough[2]
+        noise, known = self.here.noise, self._enough
+        if known is None or known[0] != goal or known[1] != noise:
+            self._enough = known = goal, noise, self.stages.tolerated(goal, noise, self.room())
+        return known[2]
 
     # ---- Derivatives ------------------------------------------------------------------------------
 
@@ -306,7 +302,7 @@ class BarrierMerit(Merit):
 
         ``newton``: whether Newton's method is available, for a last step of the duals.
         """
-        k = [rows.k for rows in self.limited.rows]
+        k = self.limited.instants
         if at is None:
             return self.stages.report(k, self.asked(), self._last_duals(models, newton=newton), self.plain_value())
         c = self.limited.asked(at.x, at.u)
