@@ -65,7 +65,7 @@ def timed(case: Case, rounds: int) -> tuple[float, float, float]:
                 began = time.thread_time()
                 case.run(optimizer)
                 least[i] = min(least[i], time.thread_time() - began)
-        found = unit.measure(0.02)
+        found = unit.measure(0.05, time.thread_time)
         if not isinstance(found, str):
             units.append(found.best)
     return least[0], (least[1] - least[0]) / more, min(units, default=np.nan)
@@ -113,7 +113,9 @@ def main() -> None:
         total = [each.total_calls for each in counts]
         print(f"{'':8s} {total[0]} calls; one more iteration {(total[1] - total[0]) / more:.0f}")
         allocated = [peak(Case(steps, bounded=name == "bounded"), 3) / 1024 for steps in (40, 4000)]
-        print(f"{'':8s} allocated by a second run, of 40 and of 4000 steps: {allocated[0]:.0f} and {allocated[1]:.0f} KiB")
+        print(
+            f"{'':8s} allocated by a second run, of 40 and of 4000 steps: {allocated[0]:.0f} and {allocated[1]:.0f} KiB"
+        )
         if arguments.calls:
             counts[1].sort_stats("tottime").print_stats(45)
 

@@ -371,9 +371,7 @@ class MidpointSystem(DiscreteSystem):
             failure = self._failure(out.status, worst, start + done)
         x = self._states(out.x[: done + 1], out.lam[:done], x0)
         at = None if worst is None else start + out.worst.k
-        return made(
-            Rollout, x=x, u=out.u[:done], steps_done=done, failure=failure, worst_step=worst, worst_at=at
-        )
+        return made(Rollout, x=x, u=out.u[:done], steps_done=done, failure=failure, worst_step=worst, worst_at=at)
 
     def linearize_by(
         self, x: Array, u: Array, names: Sequence[str], out: Linearization | None = None

@@ -12,7 +12,9 @@ The optimal input is ``du = -K dx - C``, the optimal cost from ``dx_0`` is
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any, Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
@@ -429,6 +431,32 @@ def adjoint(
         for name, array in (("K", gains), ("q", gradient[0]), ("r", gradient[1]), ("q_final", final)):
             require_finite(array, name)
     return z
+
+
+def swept(
+    A: Array, B: Array, law: Law, dx0: Array | None, c: Array | None, pattern: npt.NDArray[np.bool_] | None
+) -> tuple[Array, Array]:
+    """Return what `sweep_forward` does, which looks through what the core does not take; for short iterations."""
+    try:
+        N, nx, nu = B.shape
+        dx, du = np.empty((N + 1, nx)), np.empty((N, nu))
+        dx[0] = 0.0 if dx0 is None else dx0
+        _core.sweep_forward(A, B, law.K, law.C, c, dx, du, pattern)
+    except (AttributeError, TypeError, ValueError):
+        return sweep_forward(A, B, law, dx0, c=c, pattern=pattern)
+    return dx, du
+
+
+def adjoint_along(
+    A: Array, B: Array, K: Array, gradient: Sequence[Array], pattern: npt.NDArray[np.bool_] | None
+) -> Array:
+    """Return what `adjoint` does, which looks through what the core does not take; for short iterations."""
+    try:
+        z = np.empty((len(A) + 1, A.shape[1]))
+        _core.sweep_adjoint(A, B, K, *gradient, z, pattern)
+    except (AttributeError, TypeError, ValueError):
+        return adjoint(A, B, K, *gradient, pattern=pattern)
+    return z if isfinite(z[0].sum()) else adjoint(A, B, K, *gradient, pattern=pattern)
 
 
 def _dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:

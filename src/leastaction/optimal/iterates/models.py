@@ -13,8 +13,8 @@ from leastaction.optimal.discrete.linear_quadratic import (
     Law,
     LinearQuadraticSolution,
     Workspace,
-    adjoint,
-    sweep_forward,
+    adjoint_along,
+    swept,
 )
 from leastaction.optimal.discrete.own_projection import OwnProjection
 from leastaction.optimal.discrete.system import DiscreteSystem, linearized
@@ -100,8 +100,7 @@ class Models:
             if costates is None:
                 gradient = self.merit.lagrangian_gradient()
                 with self.work.clock("lq"):
-                    A, B = linearization
-                    costates = adjoint(A, B, here.gain, *gradient, pattern=linearization.pattern)
+                    costates = adjoint_along(*linearization, here.gain, gradient, linearization.pattern)
             with self.work.clock("curvature"):
                 self.curvature = linearization.packed_curvature(costates)
         return self.curvature
@@ -198,8 +197,7 @@ class Models:
     def sweep(self, law: Law, dx0: Array | None, *, gaps: Array | None = None) -> tuple[Array, Array]:
         """Return the motion of the linear dynamics under a law, which closes gaps."""
         linearization = self.linearize()
-        A, B = linearization
-        return sweep_forward(A, B, law, dx0, c=gaps, pattern=linearization.pattern)
+        return swept(*linearization, law, dx0, gaps, linearization.pattern)
 
     def motion(self, direction: DiscreteDirection) -> tuple[Array, Array]:
         """Return the changes of states and inputs along a direction."""
@@ -244,7 +242,7 @@ class Models:
         """Return which input, and when, has most of the decrease that is expected of a direction."""
         linearization, gradient = self.linearize(), self.merit.gradient()
         A, B = linearization
-        z = adjoint(A, B, direction.gain, *gradient, pattern=linearization.pattern)
+        z = adjoint_along(A, B, direction.gain, gradient, linearization.pattern)
         feedforward = -direction.C
         if direction.dx is not None and direction.du is not None:
             feedforward = direction.du + np.einsum("kux,kx->ku", direction.gain, direction.dx[:-1])

@@ -24,8 +24,6 @@ import numpy as np
 from leastaction import _core
 from leastaction.numerics.arrays import Array
 
-_GUESS = 0.1  # of its price is the first dual of a limit that is not met
-
 
 class Split(NamedTuple):
     """Limits' values as ``c = slack - excess``, at the minimum over both; both positive.
@@ -59,6 +57,11 @@ def stiffness(part: Split, rho: Array, y: Array) -> Array:
     out = np.empty_like(y)
     _core.barrier_stiffness(part.slack, part.excess, rho, y, out)
     return out
+
+
+def off_center(part: Split, rho: Array, y: Array) -> float:
+    """Return the largest product of a dual with its slack, or of what its price has left with its excess."""
+    return _core.barrier_off_center(part.slack, part.excess, rho, y)
 
 
 def barrier_step(
@@ -103,7 +106,9 @@ def first_duals(barrier: Array, rho: Array) -> Array:
     Of a limit that is not met the barrier is all but linear. With a small dual its model has its minimum where the
     limit is just met.
     """
-    return np.where(barrier > 0.5 * rho, _GUESS * rho, barrier)
+    out = np.empty_like(barrier)
+    _core.barrier_first_duals(barrier, rho, out)
+    return out
 
 
 def moved_duals(part: Split, mu: float, rho: Array, y: Array, dc: Array, after: Split) -> Array:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from leastaction import _core
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import made
 from leastaction.optimal.limit_report import Barrier, LimitReport, LimitState
@@ -20,6 +21,7 @@ from leastaction.optimal.limits.barrier import (
     barrier_step,
     first_duals,
     moved_duals,
+    off_center,
     split,
     stiffness,
 )
@@ -30,7 +32,6 @@ from leastaction.optimal.quantity import Instants
 # Price of an excess, in times its multiplier; and in the end that of an equation, which is met the better the dearer it
 # is, but what is much dearer leaves so little room that its barrier cannot get as small as others.
 _DEAR, _DEAR_EQUAL = 10.0, 100.0
-_CHEAPER, _DEARER = 1e-3, 10.0  # factors by which prices change at most
 _HARD = 1e6  # price of an excess of its scale where nothing is beyond a limit, in costs of the start
 _AT = 1e-6  # distance, in its scale, of what is at a limit
 _BINDING = 0.5  # multiplier, in parts of the price, of a limit that the price does not enforce
@@ -40,7 +41,6 @@ _SETTLED = 2.3  # natural logarithm of the factor by which multipliers may be of
 # and the part of its largest multiplier, where.
 _ACTIVE, _HARDLY = 100.0, 1e-5
 _CENTRAL = 20.0  # largest product of multiplier and slack, in times mu, from which a much smaller barrier can follow
-_ROUNDING = 1e-13  # error of a multiplier by rounding, in parts of its price
 _GUIDING = 0.1  # barriers at first, in parts of what excess costs, where all is as dear
 
 
@@ -172,9 +172,7 @@ class Duals:
 
         From there a much smaller barrier can be followed.
         """
-        y, part = self.y.flat, room.part
-        largest = max((y * part.slack).max(initial=0.0), ((self.prices - y) * part.excess).max(initial=0.0))
-        return bool(largest <= _CENTRAL * self.mu)
+        return off_center(room.part, self.prices, self.y.flat) <= _CENTRAL * self.mu
 
     def gap(self, room: Room) -> float:
         """Return what duals times room come to where that is more than the barriers ask for; not of equations.
@@ -227,7 +225,7 @@ class Duals:
 
     def hopeless(self) -> bool:
         """Whether some limit is not enforced though its price is the dearest there is."""
-        return bool((self.layout.largest(np.abs(self.net())) > _BINDING * self.rho.flat).any())
+        return bool((np.abs(self.net()) > _BINDING * self.prices).any())
 
     def least_mu(self, digits: float) -> float:
         """Return the parameter below which the room that it leaves would be a part `digits` of a limit's size."""
@@ -241,34 +239,14 @@ class Duals:
         most. ``met``: what is off by more of its scale needs a higher price, whatever its dual, a rough one perhaps.
         ``kept``: what an excess of an equation's scale goes on to cost, if it did, however small the dual.
         """
-        layout, net, rho = self.layout, self.net(), self.rho.flat
-        scale, most = self.scale.flat, dearest / self.scale.flat
-        largest = layout.largest(np.abs(net))
-        binding, off = largest > _BINDING * rho, np.zeros(len(rho), dtype=np.bool_)
-        if met is not None:
-            off = layout.largest(-c.flat) > met * scale
-        binding = (binding | off) & (rho < most)
-        wanted = self._dear * largest
-        if self._has_equations:
-            wanted = np.where(self._equal, np.maximum(wanted, kept / scale), wanted)
-        new = np.where(
-            binding,
-            np.minimum(_DEARER * rho, most),
-            # What is off has no dual yet to go by, and equations only in the end.
-            np.where(off, rho, _between(_CHEAPER * rho, wanted, rho)),
-        )
-        new = np.where(self._hard, np.maximum(rho, wanted), new)
-        self.rho = Sided(new, layout.columns)
-        self.settle_prices()
-        new, lower = self.prices, np.minimum(self.y.flat, 0.9 * self.prices)
-        y = np.where(layout.spread(binding) & (c.flat < 0.0), first_duals(lower, new), lower)
-        if self._has_equations:
-            halved = 0.5 * (new + _between(-0.9 * new, net, 0.9 * new))
-            # What differs by rounding only stays as it is, and with it what was computed with these duals.
-            other = self._in_equations & (np.abs(halved - self.y.flat) > _ROUNDING * new)
-            y = np.where(other, halved, np.where(self._in_equations, self.y.flat, y))
-        self.y = Sided(y, layout)
-        return bool(binding.any())
+        layout, off = self.layout, np.nan if met is None else met
+        rho, y, self.prices = self.rho.flat.copy(), self.y.flat.copy(), np.empty_like(self.prices)
+        dearer, self.dearest, self.cheapest = _core.price_limits(
+            layout.column, self._other, self._equal, self._hard, self._dear, self.scale.flat, dearest, off, kept,
+            c.flat, rho, y, self.prices,
+        )  # fmt: skip
+        self.rho, self.y = Sided(rho, layout.columns), Sided(y, layout)
+        return dearer
 
     # ---- Reports --------------------------------------------------------------------------------
 
@@ -333,8 +311,3 @@ class Duals:
             for i, own in enumerate(self.sides)
             if own.first or not own.equal
         )  # fmt: skip
-
-
-def _between(least: Array, values: Array, most: Array) -> Array:
-    """Return values, none of them beyond bounds; as `numpy.clip` does, which takes several times as long."""
-    return np.minimum(np.maximum(values, least), most)

@@ -151,10 +151,10 @@ class BarrierMerit(Merit):
         return self._jacobians
 
     def hessian(self, share: float, along: AlongIterate) -> ModelHessian:
-        share = share if self._bends() else 1.0
-        if self._weighed is None or self._weighed[0] != share:
-            self._weighed = share, self._weights(self.duals.stiffnesses(self.room()), share, along)
-        return self._weighed[1]
+        known = self._weighed
+        if known is None or (known[0] != share and self._bends()):
+            self._weighed = known = share, self._weights(self.duals.stiffnesses(self.room()), share, along)
+        return known[1]
 
     def hessian_with(self, sigmas: Sided, share: float, along: AlongIterate) -> ModelHessian:
         """Return second derivatives with other stiffnesses, which are written over those of the iterate."""
@@ -216,7 +216,7 @@ class BarrierMerit(Merit):
     ) -> SolvedWithin | None:
         """Return the minimum of a direction's model with other duals and stiffnesses; None if there is none."""
         share = direction.curvature_scale if direction.method.startswith("newton") else 0.0
-        hessian = self.hessian_with(sigmas, share if self._bends() else 1.0, along)
+        hessian = self.hessian_with(sigmas, share, along)
         found = along.solved_with(direction, self.with_duals(duals), hessian)
         return None if found is None else SolvedWithin(found, self.change((found.dx, found.du)).flat)
 

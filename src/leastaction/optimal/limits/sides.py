@@ -47,7 +47,7 @@ class SideLayout:
 
     def spread(self, values: NDArray[Entry]) -> NDArray[Entry]:
         """Return values of all columns, one after the other, for each of their entries."""
-        return np.asarray(values[self._column])
+        return np.asarray(values[self.column])
 
     def largest(self, values: Array) -> Array:
         """Return the largest of the entries of every column, and of zero."""
@@ -58,7 +58,7 @@ class SideLayout:
         return found
 
     @cached_property
-    def _column(self) -> Indices:
+    def column(self) -> Indices:
         """The column of every entry."""
         each = [np.broadcast_to(np.arange(*self.columns.ends[i : i + 2]), s).ravel() for i, s in enumerate(self.shapes)]
         return np.concatenate([np.empty(0, dtype=np.intp), *each])
@@ -66,8 +66,8 @@ class SideLayout:
     @cached_property
     def _by_column(self) -> tuple[Indices | None, Indices, Indices]:
         """The entries in the order of their columns, None where they stand so; which columns have some, and where."""
-        order = np.argsort(self._column, kind="stable")
-        filled, begins = np.unique(self._column[order], return_index=True)
+        order = np.argsort(self.column, kind="stable")
+        filled, begins = np.unique(self.column[order], return_index=True)
         return None if (np.diff(order) == 1).all() else order, filled, begins
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.frozen import made
 from leastaction.optimal.limit_report import Barrier, LimitReport
 from leastaction.optimal.limits.duals import Duals, Room
 from leastaction.optimal.limits.sides import Sided
@@ -109,7 +110,8 @@ class BarrierStages:
     def report(self, k: Sequence[Instants], c: Sided, duals: Sided, cost: float) -> LimitReport:
         """Return what is told of the limits, given their instants, values and duals, and the cost without barriers."""
         own = self.duals
-        barrier = Barrier(
+        barrier = made(
+            Barrier,
             size=self.size,
             tolerance=self.tolerance,
             first_mu=self.first_mu,
