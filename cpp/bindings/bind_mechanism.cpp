@@ -231,6 +231,7 @@ Out force_curvature(const Mechanism& m, const In<1>& q, const In<1>& v, const In
 }  // namespace
 
 void bind_queries(nb::class_<Mechanism>& mechanism);
+void bind_states(nb::class_<Mechanism>& mechanism);
 
 void bind_mechanism(nb::module_& module) {
     using Counts = std::array<int, 5>;
@@ -348,6 +349,7 @@ void bind_mechanism(nb::module_& module) {
             },
             "q"_a, "Constraint Jacobian Dh(q), (nc, nq).");
     bind_queries(mechanism);
+    bind_states(mechanism);
 }
 
 }  // namespace leastaction

@@ -327,6 +327,8 @@ Out plus(const Mechanism& m, const In<2>& x, const In<2>& dx) {
 
 }  // namespace
 
+void bind_step(nb::class_<Midpoint>& midpoint);
+
 void bind_midpoint(nb::module_& module) {
     nb::enum_<Split>(module, "Split", "How a force acts on a step.")
         .value("symmetric", Split::symmetric)
@@ -387,9 +389,11 @@ void bind_midpoint(nb::module_& module) {
         "balance", &balance, "energies"_a,
         "Of `energies` of steps: energy less that of the first and less the work since (N), how much that swings, "
         "the largest kinetic energy, how much the work changes, and the size of all terms.");
-    nb::class_<Midpoint>(module, "Midpoint",
-                         "Midpoint variational integrator of one mechanism, for any number of threads: settings, and "
-                         "memory to work in.")
+    nb::class_<Midpoint> midpoint(module, "Midpoint",
+                                  "Midpoint variational integrator of one mechanism, for any number of threads: "
+                                  "settings, and memory to work in.");
+    bind_step(midpoint);
+    midpoint
         .def(
             "__init__",
             [](Midpoint* self, std::shared_ptr<Mechanism> mechanism, Split split, double tolerance, int max_iterations,

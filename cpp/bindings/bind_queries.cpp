@@ -95,7 +95,6 @@ Out point_slopes(const Mechanism& m, const In<2>& q, const std::vector<int>& joi
 
 Out point_bent(const Mechanism& m, const In<2>& q, const std::vector<int>& joints, const In<2>& offsets,
                const In<3>& force, const In<2>& weight) {
-    expect_no_balls(m, "second derivatives of points");
     const std::size_t n = m.n_variables(), count = joints.size();
     expect(q.shape(1), m.n_configuration(), "q");
     for (const std::size_t given : {force.shape(0), weight.shape(0)}) expect(given, q.shape(0), "force and weight");

@@ -50,11 +50,15 @@ void MovedPoints::add_bent(std::size_t point, const Vec3<double>& f, double w, d
                 [&](int b, double of_j) { out[external_[a] * n + external_[b]] += of_i * of_j * value; });
         });
     };
+    const auto turned_by = [&](std::size_t i) { return cross(f, at_.twist[way[i]].w) + w * l[i]; };
+    std::size_t behind_ball = 0;  // of the way, the first joint behind the last ball joint that was met
     for (std::size_t i = 0; i < way.size(); ++i) {
-        const Vec3<double> turned = cross(f, at_.twist[way[i]].w) + w * l[i];
+        if (joints[way[i]].quaternion >= 0) behind_ball = i + 3;
+        const Vec3<double> turned = turned_by(i);
         add(way[i], way[i], dot(turned, l[i]));
         for (std::size_t j = i + 1; j < way.size(); ++j) {
-            const double value = dot(turned, l[j]);
+            double value = dot(turned, l[j]);
+            if (j < behind_ball) value = 0.5 * (value + dot(turned_by(j), l[i]));
             add(way[i], way[j], value);
             add(way[j], way[i], value);
         }

@@ -2,7 +2,8 @@
 //
 //   dp/ds_i = l_i = v_i + w_i x p,    d2p/ds_i ds_j = w_i x l_j  where i is nearer to the world than j, or the same,
 //
-// and coordinates s are affine functions of the variables (points.hpp). Forces f on points weigh second derivatives:
+// of two turns i and j of one ball joint the mean of both orders (its chart is q exp(phi)), and coordinates s are
+// affine functions of the variables (points.hpp). Forces f on points weigh second derivatives:
 // f . (w_i x l_j) = (f x w_i) . l_j, a product for each pair of joints.
 #pragma once
 

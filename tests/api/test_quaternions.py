@@ -14,7 +14,6 @@ import leastaction
 from leastaction.errors import ArgumentError, DescriptionError
 from leastaction.mechanics import (
     BodyWrench,
-    ContinuousDynamics,
     Damping,
     Gravity,
     JointForce,
@@ -144,14 +143,13 @@ def test_what_is_not_there_says_so() -> None:
     q, v = m.configuration(), np.zeros(m.nv)
     vi, run = MidpointVI(m), moved(m)
     asked: list[Callable[[], Any]] = [
-        lambda: ContinuousDynamics(m),
         lambda: equilibrium(m, q),
         lambda: project_configuration(m, q),
         lambda: configuration_by(m, q, ["base.mass"]),
         lambda: m.lagrangian(q, v),
         lambda: m.potential(q),
         lambda: m.frame_pose_derivative(q, "hand"),
-        lambda: m.frame_jacobian_derivative(q, "hand"),
+        lambda: m.frame_jacobian_derivative(q, "hand", order=2),
         lambda: vi.discrete_lagrangian(q, q, 0.1),
         lambda: vi.sensitivity(run, ["base.mass"]),
         run.reactions,

@@ -10,6 +10,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -172,6 +173,61 @@ def test_assembly_and_equilibrium(monkeypatch: pytest.MonkeyPatch) -> None:
     assert result.rest.residual < 1e-9
     # A swing of 4 mrad is as fast as the linear one to its square.
     np.testing.assert_allclose(result.frequencies, result.rest.frequencies / (2.0 * np.pi), rtol=2e-4)
+
+
+# Rotations that are quaternions
+
+
+def example(script: str, monkeypatch: pytest.MonkeyPatch) -> tuple[ModuleType, Any]:
+    """Return a script as a module, and what its `solve` finds."""
+    module = load(script, monkeypatch)
+    return module, module.solve()
+
+
+def test_falling_cat(monkeypatch: pytest.MonkeyPatch) -> None:
+    cat, found = example("24_falling_cat", monkeypatch)
+    assert found.status is Status.CONVERGED
+    R, rear = (cat.CAT.frame_pose(found.trajectory.q, name)[:, :3, :3] for name in ("front", "rear"))
+    assert R[0, 2, 2] == pytest.approx(-1.0)
+    assert R[-1, 2, 2] >= np.cos(0.03) - 1e-9
+    assert np.abs(found.trajectory.p).max() < 1e-12  # no momentum, as it had none
+    assert np.sum(R[:, :, 0] * rear[:, :, 0], axis=1).min() > np.cos(1.3 + 1e-6)
+    assert np.abs(found["sway"]).max() == pytest.approx(0.6, abs=1e-4)
+    # A back that is held turns nothing.
+    assert found["bend"][-1] == pytest.approx(0.0, abs=1e-8)
+
+
+def test_satellite(monkeypatch: pytest.MonkeyPatch) -> None:
+    sat = load("25_satellite", monkeypatch)
+    found = sat.solve(sun=True)
+    assert found.status is Status.CONVERGED
+    R = sat.SATELLITE.frame_pose(found.trajectory.q, "hull")[:, :3, :3]
+    np.testing.assert_allclose(R[-1], 2.0 * np.outer(sat.AXIS, sat.AXIS) - np.eye(3), atol=1e-7)
+    assert (R[:, :, 0] @ sat.SUN).max() == pytest.approx(np.cos(sat.NEAR), abs=1e-6)  # it touches the cone
+    assert np.abs(found.u).max() <= 0.3
+    # No torque from outside: what the hull has, the wheels have given it, and both are at rest at the end.
+    assert np.abs(found.trajectory.p[:, :3]).max() < 1e-10
+    assert np.abs(found.trajectory.v[-1, :3]).max() < 0.02
+    assert np.mean(np.abs(found.u) > 0.299) > 0.8  # full power, as the fastest way has it
+    # Not faster than half a turn about an axis could be at full power of all three.
+    inertia, torque = sat.AXIS**2 @ np.array([3.0, 2.4, 1.8]), 0.3 * np.abs(sat.AXIS).sum()
+    assert found.t[-1] > 2.0 * np.sqrt(np.pi * inertia / torque)
+
+
+def test_quadrotor(monkeypatch: pytest.MonkeyPatch) -> None:
+    quad, found = example("26_quadrotor", monkeypatch)
+    assert found.status is Status.CONVERGED
+    run = found.trajectory
+    # All the way round, about its own axis, and not there and back.
+    assert run.v[:, 3] @ np.diff(run.t) == pytest.approx(-2.0 * np.pi, abs=0.05)
+    assert run["drone.qw"].min() < -0.99 or run["drone.qw"][0] * run["drone.qw"][-1] < 0.0
+    np.testing.assert_allclose(run.q[-1, :3], [0.0, 1.2, 1.0], atol=1e-7)
+    assert np.abs(run.p[-1]).max() < 1e-7
+    R = quad.DRONE.frame_pose(run.q, "drone")[:, :3, :3]
+    assert R[40, 2, 2] < -np.cos(0.2) + 1e-6
+    assert np.abs(run.q[40, [0, 2]] - [0.0, 1.3]).max() < 0.05 + 1e-6
+    assert found.u.min() >= 0.0
+    assert found.u.max() <= 3.0
 
 
 # The systems of the dissertation's examples

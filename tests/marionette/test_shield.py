@@ -239,6 +239,7 @@ def test_a_full_disk_leaves_an_earlier_run_as_it_was(tmp_path: Path) -> None:
 PICTURES = """
 import os, signal
 import leastaction_marionette.command.report as report
+from leastaction.errors import OutputError
 def plot_convergence(*arguments, **options):
     {}
 report.plot_convergence = plot_convergence
@@ -257,7 +258,7 @@ def test_ctrl_c_while_pictures_are_drawn(tmp_path: Path) -> None:
 
 
 def test_a_picture_that_cannot_be_written(tmp_path: Path) -> None:
-    failing = PICTURES.format("raise report.OutputError('cannot write convergence.png: full')")
+    failing = PICTURES.format("raise OutputError('cannot write convergence.png: full')")
     code, out, errors = run(["demo", "--duration", "0.2", "--out", tmp_path], before=failing)
     assert code == 1
     assert "Tracking error" in out

@@ -28,7 +28,7 @@ from leastaction.numerics import rotations
 from leastaction.numerics.differences import fourth_order
 from leastaction.optimal import Status, check_derivatives
 from leastaction.optimal.quantity import Samples
-from leastaction.systems.orientations import MissingTurn
+from leastaction.systems.orientations import MissingTurn, TurnedFrame
 from leastaction.systems.oriented import TurnOfFrame
 
 INERTIA = {"mass": 0.5, "inertia": (2e-3, 3e-3, 4e-3)}
@@ -67,7 +67,7 @@ def test_quaternions_of_matrices_are_those_of_scipy():
 
 def test_the_missing_rotation_and_its_derivatives_are_those_of_differences():
     m, rng = wrist(), np.random.default_rng(1)
-    turn = MissingTurn(m, "hand", rotations.of_matrix(WANTED.as_matrix())[None])
+    turn = MissingTurn(TurnedFrame(m, "hand"), rotations.of_matrix(WANTED.as_matrix())[None])
     far = np.array([[0.3, -0.4, 0.7], [1.9, 0.6, -2.0], [2.0, -0.8, 1.0]])
     q = np.concatenate([far, rng.uniform(-1, 1, (3, 3))])
     w = rng.standard_normal((6, 3))

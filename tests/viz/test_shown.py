@@ -25,7 +25,7 @@ from leastaction import (
     ty,
     tz,
 )  # fmt: skip
-from leastaction.errors import ArgumentError
+from leastaction.errors import ArgumentError, DescriptionError
 from leastaction.mechanics.description.shapes import Shape
 from leastaction.models import MODELS, build
 from leastaction.models.hand import hand, posture
@@ -235,3 +235,17 @@ def test_scenery_that_is_far_off_does_not_make_the_rest_small() -> None:
 
     assert size(arm, table, stairs) == size(arm, table) > size(arm)
     assert size(stairs) > 1.0  # alone it is what there is to see
+
+
+def test_a_rod_goes_from_here_to_there() -> None:
+    for a, b in (((0.1, 0.2, 0.3), (0.1, 0.2, -0.5)), ((1.0, 0.0, 0.0), (-0.2, 0.4, 0.1)), ((0, 0, 0), (0, 0.3, 0))):
+        rod = Shape.rod("bob", a, b, 0.05)
+        assert rod.kind == "capsule"
+        radius, length = rod.size
+        ends = rod.pose @ np.array([[0.0, 0.0, -0.5 * length, 1.0], [0.0, 0.0, 0.5 * length, 1.0]]).T
+        np.testing.assert_allclose(ends[:3].T, [a, b], atol=1e-15)
+        np.testing.assert_allclose(rod.pose[:3, :3].T @ rod.pose[:3, :3], np.eye(3), atol=1e-15)
+        assert np.linalg.det(rod.pose) == pytest.approx(1.0)
+        assert radius == 0.05
+    with pytest.raises(DescriptionError, match="to itself"):
+        Shape.rod("bob", (1.0, 0.0, 0.0), (1.0, 0.0, 0.0), 0.05)

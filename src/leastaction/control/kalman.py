@@ -18,7 +18,15 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.control.readings import Measured, Readings, Spread, covariance, covariance_of_states, step_of
+from leastaction.control.readings import (
+    Measured,
+    Readings,
+    Spread,
+    covariance,
+    covariance_of_states,
+    of_an_instant,
+    step_of,
+)
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_choice, read_only, require_instance
 from leastaction.numerics.public import public
@@ -164,7 +172,7 @@ class KalmanFilter:
         StepError
             The system has no such step from the estimate.
         """
-        u = as_array(u, "u", (self.system.nu,), names=self.system.input_names)
+        u = of_an_instant(u, "u", self.system.input_names)
         k = step_of(self.system, self.k)
         if self.kind == "extended":
             self.A = np.asarray(self.system.derivatives(self.x, u, k)[0])
@@ -184,7 +192,7 @@ class KalmanFilter:
         ArgumentError
             A wrong shape, or readings that are not finite: leave out what was not read by not calling this.
         """
-        y = as_array(y, "y", (self.readings.ny,), names=self.readings.names)
+        y = of_an_instant(y, "y", self.readings.names)
         if self.kind == "extended":
             C = self.readings.jacobian(self.x, self.k)
             expected, cross, S = self.readings(self.x, self.k), self.P @ C.T, C @ self.P @ C.T + self.V

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.control.kalman import KalmanFilter
-from leastaction.control.readings import Measured, Readings, Spread
+from leastaction.control.readings import Measured, Readings, Spread, of_an_instant
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, as_array, as_count, read_only
+from leastaction.numerics.arrays import Array, as_count, read_only
 from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian
@@ -116,7 +116,7 @@ class MovingHorizonEstimator:
         StepError
             The system has no such step from the estimate.
         """
-        given = as_array(u, "u", (self.system.nu,), names=self.system.input_names).copy()
+        given = of_an_instant(u, "u", self.system.input_names)
         self.x = np.array(self.system.f(self.x, given, 0))
         self._x.append(self.x)
         self._u.append(given)
@@ -140,7 +140,7 @@ class MovingHorizonEstimator:
         ArgumentError
             A wrong shape, or readings that are not finite.
         """
-        given = as_array(y, "y", (self.readings.ny,), names=self.readings.names).copy()
+        given = of_an_instant(y, "y", self.readings.names)
         self.innovation = given - self.readings(self.x, 0)
         self._y[-1] = given
         n = len(self._u)

@@ -95,6 +95,14 @@ class Readings:
         return Samples(np.array([k], dtype=np.intp), read_only(x[None]), nothing, nothing)
 
 
+def of_an_instant(value: ArrayLike, what: str, names: Sequence[str]) -> Array:
+    """Return what an estimator is given at one instant, inputs or readings (n,) of these names, as an array of its own.
+
+    Raises `ArgumentError`: a wrong shape, or numbers that are not finite.
+    """
+    return as_array(value, what, (len(names),), names=names).copy()
+
+
 def _chosen(system: System, measure: Any) -> tuple[tuple[str, ...], Array]:
     """Return names and matrix of readings that are linear."""
     names = system.state_names

@@ -11,19 +11,19 @@ from leastaction._names import lazily
 
 if TYPE_CHECKING:
     from leastaction.numerics.arrays import Array, as_choice, as_number, read_only, smooth_rise
-    from leastaction.numerics.files import write_text
+    from leastaction.numerics.files import remove_earlier, write_text
     from leastaction.numerics.frozen import Frozen, restore_state, saved_state
 else:
     __getattr__, __dir__ = lazily(
         __name__,
         {
             "leastaction.numerics.arrays": "Array as_choice as_number read_only smooth_rise",
-            "leastaction.numerics.files": "write_text",
+            "leastaction.numerics.files": "remove_earlier write_text",
             "leastaction.numerics.frozen": "Frozen restore_state saved_state",
         },
     )
 
 __all__ = [
-    "Array", "Frozen", "as_choice", "as_number", "read_only", "restore_state", "saved_state", "smooth_rise",
-    "write_text",
+    "Array", "Frozen", "as_choice", "as_number", "read_only", "remove_earlier", "restore_state", "saved_state",
+    "smooth_rise", "write_text",
 ]  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -107,6 +107,21 @@ def prepare_output_folder(folder: str | os.PathLike[str]) -> Path:
         with contextlib.suppress(OSError):
             probe.unlink(missing_ok=True)
     return target
+
+
+def remove_earlier(folder: Path, names: Iterable[str]) -> None:
+    """Remove files that an earlier run left, which would lie beside a result that is not theirs.
+
+    ``names``: of files of the folder; those that are not there are left out. Raises `OutputError`: a file cannot be
+    removed.
+    """
+    for name in names:
+        try:
+            (folder / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(
+                f"cannot remove {folder / name}, which belongs to an earlier run: {error.strerror or error}"
+            ) from error
 
 
 def _flush_folder(folder: Path) -> None:

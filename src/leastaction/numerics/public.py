@@ -282,6 +282,8 @@ def _mapping_of(key: Asked, entry: Asked) -> Asked:
 
 
 def _is_number(value: object) -> bool:
+    if type(value) is float:
+        return True
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
     if isinstance(value, int):

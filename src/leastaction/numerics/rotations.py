@@ -10,6 +10,8 @@ With ``phi = log q`` and the right Jacobian of the exponential, whose inverse is
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from leastaction.numerics.arrays import Array
@@ -70,18 +72,32 @@ def logarithm_derivative(phi: Array) -> Array:
 
 def logarithm_curvature(phi: Array, w: Array) -> Array:
     """Return the second derivatives (..., 3, 3) of ``w . log(exp(phi) exp(d))`` by d at zero, up to half a turn."""
-    J, S, eye = logarithm_derivative(phi), crossing(phi), np.eye(3)
-    c, slope = (each[..., None] for each in _coefficients(phi))
+    J, eye = logarithm_derivative(phi), np.eye(3)
     bent = np.empty((*phi.shape, 3))
+    for j, (odd, even) in enumerate(_changes(phi, J)):
+        # The exponential's own Jacobian at d is 1 - [d]/2.
+        bent[..., j] = np.einsum("...a,...ai->...i", w, odd + even - 0.5 * J @ crossing(eye[j]))
+    return np.asarray(0.5 * (bent + np.swapaxes(bent, -1, -2)))
+
+
+def logarithm_mixed(phi: Array, w: Array) -> Array:
+    """Return the derivatives (..., 3, 3) of ``w . log(exp(-c) exp(phi) exp(d))`` by c, then d, at zero."""
+    mixed = np.empty((*phi.shape, 3))
+    for j, (odd, even) in enumerate(_changes(phi, logarithm_derivative(phi))):
+        # By c it is -J at -phi.
+        mixed[..., j] = np.einsum("...a,...ai->...i", w, odd - even)
+    return mixed
+
+
+def _changes(phi: Array, J: Array) -> Iterator[tuple[Array, Array]]:
+    """Yield how J changes along each axis of d, as phi does by J d: what is odd in phi of J, and what is even."""
+    S = crossing(phi)
+    c, slope = (each[..., None] for each in _coefficients(phi))
     for j in range(3):
-        # J moves with phi, and phi by J d; the exponential's own Jacobian at d is 1 - [d]/2.
         along = J[..., j]
         T = crossing(along)
         turn = np.sum(phi * along, axis=-1)[..., None, None]
-        change = 0.5 * T + slope[..., None] * turn * (S @ S) + c[..., None] * (T @ S + S @ T)
-        change = change - 0.5 * J @ crossing(eye[j])
-        bent[..., j] = np.einsum("...a,...ai->...i", w, change)
-    return np.asarray(0.5 * (bent + np.swapaxes(bent, -1, -2)))
+        yield 0.5 * T, slope[..., None] * turn * (S @ S) + c[..., None] * (T @ S + S @ T)
 
 
 def _coefficients(phi: Array) -> tuple[Array, Array]:

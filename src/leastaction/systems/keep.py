@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.moved_points import MovedPoints
 from leastaction.numerics.arrays import Array, as_array
@@ -33,7 +32,6 @@ class _PlaceOfFrame(Quantity):
 
     def __init__(self, mechanism: Mechanism, t: Array, keep: Keep, region: Region) -> None:
         self.mechanism, self.region = mechanism, region.over(t)
-        angles_only(mechanism, "Keep")
         self.keep, self.t = keep, t
         self.frame, self.point, self.origin = keep.frame, np.asarray(keep.point, dtype=np.float64), keep.origin
         place = keep.frame if keep.origin is None else f"{keep.frame} from {keep.origin}"
@@ -48,7 +46,7 @@ class _PlaceOfFrame(Quantity):
         return self.region.values(self._places(self._q(at)), at.k)
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
-        return np.arange(self.mechanism.nq)
+        return np.arange(self.mechanism.nv)
 
     def jacobian(self, at: Samples) -> Array:
         q = self._q(at)
@@ -77,7 +75,7 @@ class _PlaceOfFrame(Quantity):
             return False
         region = self.keep.inside or self.keep.outside
         stands = region is not None and region.over(self.t) is region
-        return (stands or np.array_equal(self.t, other.t)) and _places_alike(self.mechanism, other.mechanism)
+        return (stands or np.array_equal(self.t, other.t)) and places_alike(self.mechanism, other.mechanism)
 
     def apart(self, other: Quantity, k: Instants) -> Array | None:
         if not isinstance(other, _PlaceOfFrame) or self.mechanism is not other.mechanism:
@@ -112,7 +110,6 @@ class _PlacesOfFrames(Quantity):
 
     def __init__(self, mechanism: Mechanism, points: Sequence[tuple[str, Array]], balls: Balls) -> None:
         self.mechanism, self.balls, self.names = mechanism, balls, balls.names
-        angles_only(mechanism, "Keep")
         keys = [(frame, *point.tolist()) for frame, point in points]
         distinct = list(dict.fromkeys(keys))
         self._of = [distinct.index(key) for key in keys]
@@ -123,7 +120,7 @@ class _PlacesOfFrames(Quantity):
         return self.balls.values(self._places(self._q(at)), at.k)
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
-        return np.arange(self.mechanism.nq)
+        return np.arange(self.mechanism.nv)
 
     def jacobian(self, at: Samples) -> Array:
         q = self._q(at)
@@ -142,7 +139,7 @@ class _PlacesOfFrames(Quantity):
         return self._points.places(q)[:, self._of]
 
 
-def _places_alike(one: Mechanism, other: Mechanism) -> bool:
+def places_alike(one: Mechanism, other: Mechanism) -> bool:
     """Return whether the frames of a mechanism are where they are with other parameters."""
     if one.tree is other.tree:
         return True

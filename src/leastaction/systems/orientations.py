@@ -19,6 +19,41 @@ _ALL = slice(None)
 _OFF = 1e-6  # by which the columns of a rotation may miss being of length one and at right angles
 
 
+class TurnedFrame:
+    """How a frame is turned, in the world or seen from another frame, and how the variables turn it.
+
+    Directions are the nv variables, and turns about its own axes of a rotation that is a quaternion.
+    """
+
+    def __init__(self, mechanism: Mechanism, frame: str, origin: str | None = None) -> None:
+        self.mechanism, self.frame, self.origin = mechanism, frame, origin
+        for name in self.frames:  # an unknown name is an error here, not at the first step
+            mechanism.frame_pose(mechanism.configuration(), name)
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frame, and the one that it is seen from, if there is one."""
+        return (self.frame,) if self.origin is None else (self.frame, self.origin)
+
+    def rotations(self, q: Array) -> list[Array]:
+        """Return the rotations (n, 3, 3) of the frames in the world at configurations (n, nq)."""
+        return [self.mechanism.frame_pose(q, name)[:, :3, :3] for name in self.frames]
+
+    def seen(self, q: Array) -> Array:
+        """Return the rotation (n, 3, 3) of the frame from where it is seen."""
+        R, *origin = self.rotations(q)
+        return origin[0].swapaxes(1, 2) @ R if origin else R
+
+    def turns(self, q: Array) -> list[Array]:
+        """Return the angular velocities (n, 3, nv) of the frames by the rates of all directions, in world axes."""
+        return [self.mechanism.frame_jacobian(q, name)[:, 3:] for name in self.frames]
+
+    def changes(self, q: Array) -> Array:
+        """Return the derivatives (n, 3, nv, nv) of the frame's angular velocity, less that of the other frame."""
+        own, *other = (self.mechanism.frame_jacobian_derivative(q, name)[:, 3:] for name in self.frames)
+        return own - other[0] if other else own
+
+
 class MissingTurn:
     """``e = log(R_wanted' R)`` of a frame, in its own axes (rad), along configurations.
 
@@ -26,32 +61,37 @@ class MissingTurn:
     smooth to second order up to half a turn. ``wanted`` (n, 4): quaternions, one for each instant, or (1, 4).
     """
 
-    def __init__(self, mechanism: Mechanism, frame: str, wanted: Array) -> None:
-        self.mechanism, self.frame, self.wanted = mechanism, frame, wanted
-        mechanism.frame_pose(np.zeros(mechanism.nq), frame)  # an unknown name is an error here, not at the first step
+    def __init__(self, turned: TurnedFrame, wanted: Array) -> None:
+        self.turned, self.wanted = turned, wanted
 
     def values(self, q: Array, k: Instants | slice = _ALL) -> Array:
         """Return e (n, 3) at configurations (n, nq) of instants k."""
-        R = self.mechanism.frame_pose(q, self.frame)[:, :3, :3]
         wanted = self.wanted if len(self.wanted) == 1 else self.wanted[k]
-        return rotations.logarithm(rotations.product(rotations.inverse(wanted), rotations.of_matrix(R)))
+        seen = rotations.of_matrix(self.turned.seen(q))
+        return rotations.logarithm(rotations.product(rotations.inverse(wanted), seen))
 
     def jacobian(self, q: Array, e: Array) -> Array:
-        """Return the derivatives (n, 3, nq), given e."""
-        return np.asarray(rotations.logarithm_derivative(e) @ self._turns(q))
+        """Return the derivatives (n, 3, nv), given e."""
+        return np.asarray(rotations.logarithm_derivative(e) @ self._velocities(q)[0])
 
     def bent(self, q: Array, e: Array, w: Array) -> Array:
-        """Return the second derivatives (n, nq, nq) of ``w . e``; w (n, 3)."""
-        B = self._turns(q)
-        slopes = self.mechanism.frame_jacobian_derivative(q, self.frame, axes="frame")[:, 3:]
-        pull = np.einsum("nai,na->ni", rotations.logarithm_derivative(e), w)
+        """Return the second derivatives (n, nv, nv) of ``w . e``; w (n, 3)."""
+        B, back, own = self._velocities(q)
         H = B.transpose(0, 2, 1) @ rotations.logarithm_curvature(e, w) @ B
-        # Angular velocities are no derivatives: of their own only the symmetric part bends the rotation.
-        own = np.einsum("na,naij->nij", pull, slopes)
-        return np.asarray(H + 0.5 * (own + own.transpose(0, 2, 1)))
+        # Angular velocities are no derivatives: of their own only the symmetric part bends the rotation. In the axes of
+        # the frame they turn with it.
+        pull = np.einsum("nai,na->ni", rotations.logarithm_derivative(e), w)
+        in_world = np.einsum("nai,na->ni", back, pull)
+        change = np.einsum("na,naij->nij", in_world, self.turned.changes(q))
+        carried = np.cross(in_world[:, None], own.transpose(0, 2, 1)).transpose(0, 2, 1)
+        change -= B.transpose(0, 2, 1) @ (back @ carried)
+        return np.asarray(H + 0.5 * (change + change.transpose(0, 2, 1)))
 
-    def _turns(self, q: Array) -> Array:
-        return self.mechanism.frame_jacobian(q, self.frame, axes="frame")[:, 3:]
+    def _velocities(self, q: Array) -> tuple[Array, Array, Array]:
+        """Return the velocities (n, 3, nv) in the frame's axes, its rotation's inverse, and its turns in the world."""
+        back = self.turned.rotations(q)[0].swapaxes(1, 2)
+        own, *other = self.turned.turns(q)
+        return back @ (own - other[0] if other else own), back, own
 
 
 def quaternions_of(given: Orientation, what: str, t: Array) -> Array:

@@ -18,8 +18,21 @@ from leastaction.optimal.limits.limit import Equal, Horizon, Limit, When, Within
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Instants, Quantity, Samples
 from leastaction.systems.continuous import MechanismSystem
+from leastaction.systems.keep import places_alike
 from leastaction.systems.midpoint import MidpointSystem
-from leastaction.systems.orientations import MissingTurn, Orientation, quaternions_of
+from leastaction.systems.orientations import MissingTurn, Orientation, TurnedFrame, quaternions_of
+
+
+def frames_of(system: Horizon, limit: Limit) -> tuple[Mechanism, Array]:
+    """Return the mechanism of a system whose frames have names, and the times of its instants."""
+    given: Any = system.system if isinstance(system, Points) else system
+    if not isinstance(given, MidpointSystem | MechanismSystem):
+        raise ArgumentError(
+            f"{limit}: got a {type(given).__name__}, expected a MidpointSystem or a MechanismSystem: their frames "
+            "have names"
+        )
+    t: Array = getattr(system, "t")  # noqa: B009 - both have times
+    return given.mechanism, t
 
 
 class TurnOfFrame(Quantity):
@@ -29,7 +42,8 @@ class TurnOfFrame(Quantity):
 
     def __init__(self, mechanism: Mechanism, t: Array, limit: Oriented) -> None:
         self.limit, self.within = limit, limit.within
-        self.turn = MissingTurn(mechanism, limit.frame, quaternions_of(limit.rotation, f"{limit}: rotation", t))
+        wanted = quaternions_of(limit.rotation, f"{limit}: rotation", t)
+        self.mechanism, self.turn = mechanism, MissingTurn(TurnedFrame(mechanism, limit.frame, limit.origin), wanted)
         self.says_all, self.unit = self.within is not None, "rad"
         self.names = (
             (f"{limit.frame} within {self.within:.4g} rad of its orientation",)
@@ -38,7 +52,7 @@ class TurnOfFrame(Quantity):
         )
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
-        return np.arange(self.turn.mechanism.nq)
+        return np.arange(self.mechanism.nv)
 
     def values(self, at: Samples) -> Array:
         e = self.turn.values(self._q(at), at.k)
@@ -61,8 +75,13 @@ class TurnOfFrame(Quantity):
         J, share = self.turn.jacobian(q, e), -y / self.within
         return np.asarray(share[:, :, None] * (J.transpose(0, 2, 1) @ J) + self.turn.bent(q, e, share * e))
 
+    def is_like(self, other: Quantity) -> bool:
+        if not isinstance(other, TurnOfFrame) or self.limit is not other.limit:
+            return False
+        return np.array_equal(self.turn.wanted, other.turn.wanted) and places_alike(self.mechanism, other.mechanism)
+
     def _q(self, at: Samples) -> Array:
-        return np.ascontiguousarray(at.x[:, : self.turn.mechanism.nq])
+        return np.ascontiguousarray(at.x[:, : self.mechanism.nq])
 
 
 @public
@@ -81,6 +100,9 @@ class Oriented(Limit):
         The largest angle (rad) by which it may be missed, below half a turn. If left out, it is met: three equations.
     at : str, int, float or sequence, optional
         As of `Bound`: every instant if left out.
+    origin : str, optional
+        A frame in whose axes the rotation is meant: ``Oriented("hips", numpy.eye(3), within=1.0, origin="chest")`` is
+        what a back can bend and twist.
 
     Raises
     ------
@@ -92,6 +114,7 @@ class Oriented(Limit):
     rotation: Orientation
     within: float | None = field(default=None, kw_only=True)
     at: When = field(default=None, kw_only=True)
+    origin: str | None = field(default=None, kw_only=True)
 
     __getstate__, __setstate__ = saved_state, restore_state
 
@@ -106,13 +129,7 @@ class Oriented(Limit):
 
     def rows(self, system: Horizon, first: int) -> list[Rows]:
         """Return the rows for a `MidpointSystem`, or for the points of a `MechanismSystem`'s horizon."""
-        given: Any = system.system if isinstance(system, Points) else system
-        if not isinstance(given, MidpointSystem | MechanismSystem):
-            raise ArgumentError(
-                f"{self}: got a {type(given).__name__}, expected a MidpointSystem or a MechanismSystem: their frames "
-                "have names"
-            )
-        t: Any = getattr(system, "t")  # noqa: B009 - both have times
-        quantity = TurnOfFrame(given.mechanism, t, self)
+        mechanism, t = frames_of(system, self)
+        quantity = TurnOfFrame(mechanism, t, self)
         limit = Equal(quantity, 0.0, at=self.at) if self.within is None else Within(quantity, at=self.at)
         return limit.rows(system, first)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
+from leastaction.mechanics.description.shapes import Shape
 from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
 from leastaction.numerics.arrays import as_array
 from leastaction.numerics.public import public
@@ -35,6 +36,8 @@ def plot_poses(
     times: npt.ArrayLike | None = None,
     *,
     reference: BaseTrajectory[Any] | npt.ArrayLike | None = None,
+    shapes: Sequence[Shape] | None = None,
+    traces: Sequence[str] = (),
     title: str = "",
 ) -> Figure:
     """Draw a motion as pictures beside each other, as `leastaction.show` does.
@@ -47,6 +50,10 @@ def plot_poses(
         Times of the pictures (s); four, evenly over the run, if left out.
     reference : run or array_like (N+1, nq), optional
         Drawn pale behind it, as `leastaction.show` does.
+    shapes : sequence of Shape, optional
+        What frames look like, as of `leastaction.show`.
+    traces : sequence of str, optional
+        Frames whose paths are drawn.
     title : str, optional
         Heading.
 
@@ -67,7 +74,7 @@ def plot_poses(
     moments = np.linspace(begin, end, _COUNT) if times is None else as_array(times, "times", (None,))
     if not len(moments) or moments.min() < begin or moments.max() > end:
         raise ArgumentError(f"times: got {moments.tolist()}, expected some from {begin:g} to {end:g} s")
-    scenes: Sequence[Any] = show(run, reference=reference).scenes
+    scenes: Sequence[Any] = show(run, reference=reference, shapes=shapes, traces=traces).scenes
     top = _TITLE if title else 0.0
     width = (WIDTH - (len(moments) - 1) * _GAP) / len(moments)
     height = width / _ASPECT

@@ -12,7 +12,6 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from leastaction.errors import OutputError
 from leastaction.models.marionette import bars_of
 from leastaction.numerics import write_text
 from leastaction.viz import plot_convergence, plot_snapshots, plot_strings, plot_tracking, save_png, write_animation
@@ -44,21 +43,7 @@ _FILES: Final = {
     "resting.png": "what strings can hold at rest",
     "animation.html": "open it in a browser",
 }
-
-
-def remove_report(folder: Path) -> None:
-    """Remove what an earlier run left beside its trajectory.
-
-    Raises `OutputError`: a file cannot be removed.
-    """
-    for name in _FILES:
-        try:
-            if name != TRAJECTORY:
-                (folder / name).unlink(missing_ok=True)
-        except OSError as error:
-            raise OutputError(
-                f"cannot remove {folder / name}, which belongs to an earlier run: {error.strerror}"
-            ) from error
+BESIDE: Final = tuple(name for name in _FILES if name != TRAJECTORY)
 
 
 def at_rest(run: TrackingRun) -> RestingPoses | None:

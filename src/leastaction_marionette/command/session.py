@@ -18,9 +18,10 @@ from leastaction.apps.cli import OptimiserOptions, OutputOptions, uninterrupted
 from leastaction.errors import OutputError
 from leastaction.io import Motion
 from leastaction.models.marionette import Hanging, marionette
+from leastaction.numerics import remove_earlier
 from leastaction.optimal import IterationRecord, IterationTable, Status
 from leastaction_marionette.choices import Follow
-from leastaction_marionette.command.report import TRAJECTORY, at_rest, remove_report, write_report
+from leastaction_marionette.command.report import BESIDE, TRAJECTORY, at_rest, write_report
 from leastaction_marionette.command.summary import run_summary
 from leastaction_marionette.command.tables import checked, speed_table, summary_tables
 from leastaction_marionette.speeds import AtSpeed, fastest
@@ -204,7 +205,7 @@ def _save(found: TrackingRun, folder: Path) -> Path:
     """Write a run into its folder, in place of the search that led to it."""
     path = save_run(folder / TRAJECTORY, found)
     # Pictures of an earlier run lie beside a trajectory that is not theirs now; without it they stay.
-    remove_report(folder)
+    remove_earlier(folder, BESIDE)
     with contextlib.suppress(OSError):
         (folder / SEARCH).unlink(missing_ok=True)
     return path

@@ -9,7 +9,6 @@ from typing import Any, Final
 import numpy as np
 
 from leastaction.apps.problems.problem import ProblemFile
-from leastaction.errors import OutputError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.files import write_text
 from leastaction.systems import Followed
@@ -26,19 +25,7 @@ FILES: Final = {
     "limits.png": "room and duals of the limits",
     "motion.html": "the motion: open it in a browser",
 }
-
-
-def remove_report(folder: Path) -> None:
-    """Remove what an earlier run left: pictures that would lie beside a result that is not theirs.
-
-    Raises `OutputError`: a file cannot be removed.
-    """
-    for name in FILES:
-        try:
-            if name != RESULT:
-                (folder / name).unlink(missing_ok=True)
-        except OSError as error:
-            raise OutputError(f"cannot remove {folder / name} of an earlier run: {error.strerror}") from error
+BESIDE: Final = tuple(name for name in FILES if name != RESULT)
 
 
 def write_report(

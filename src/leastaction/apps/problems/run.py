@@ -11,9 +11,10 @@ from typing import Any
 from rich.console import Console
 
 from leastaction.apps.problems.problem import ProblemFile
-from leastaction.apps.problems.report import RESULT, remove_report, write_report
+from leastaction.apps.problems.report import BESIDE, RESULT, write_report
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.io.results import open as open_file
+from leastaction.numerics.files import remove_earlier
 from leastaction.optimal import IterationRecord, IterationTable, OptimizationResult, StageRecord, StageTable, Status
 from leastaction.systems import Followed, follow
 
@@ -74,7 +75,7 @@ def run_problem(
     found = solve(problem, resume=resume, options=options, console=console)
     with whole():
         found.result.save(folder / RESULT)
-        remove_report(folder)  # of an earlier run; it stays where this one could not be written
+        remove_earlier(folder, BESIDE)  # what stays where this run could not be written
     console.print()
     console.print(str(found), markup=False, soft_wrap=True)
     if found.result.limits is not None:

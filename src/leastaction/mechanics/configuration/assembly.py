@@ -17,7 +17,8 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, require_instance
 from leastaction.numerics.public import public
 
-_VELOCITY_TOLERANCE = 1e-6  # of the rate of a constraint, relative to its terms (at least 1)
+CONFIGURATION_TOLERANCE = 1e-8  # distance from a constraint, in units of q
+VELOCITY_TOLERANCE = 1e-6  # part of the rate of a constraint, relative to its terms (at least 1)
 
 
 @public
@@ -70,7 +71,7 @@ class VelocityProjection:
 
 
 @public
-def check_consistent(mechanism: Mechanism, q: ArrayLike, *, tolerance: float = 1e-8) -> None:
+def check_consistent(mechanism: Mechanism, q: ArrayLike, *, tolerance: float = CONFIGURATION_TOLERANCE) -> None:
     """Raise unless a configuration satisfies the constraints.
 
     Parameters
@@ -130,7 +131,7 @@ def check_velocity(mechanism: Mechanism, q: Array, v: Array, *, instead: str = "
     jacobian = mechanism.constraint_jacobian(q)
     rate = jacobian @ v
     size = np.abs(jacobian) @ np.abs(v)
-    if not np.all(np.abs(rate) <= _VELOCITY_TOLERANCE * np.maximum(1.0, size)):
+    if not np.all(np.abs(rate) <= VELOCITY_TOLERANCE * np.maximum(1.0, size)):
         residuals = worst_first(dict(zip(mechanism.constraints, rate, strict=True)))
         name, value = next(iter(residuals.items()))
         raise InconsistentStartError(

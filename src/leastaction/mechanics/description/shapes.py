@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, Literal, get_args
+from typing import Final, Literal, Self, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from leastaction.errors import DescriptionError
 from leastaction.numerics.arrays import Array, as_array
@@ -69,3 +70,30 @@ class Shape(Frozen):
         if self.kind == "mesh" and self.file is None and (self.vertices is None or self.triangles is None):
             raise DescriptionError(f"{what}: a mesh needs a file, or vertices and triangles")
         super().__post_init__()
+
+    @classmethod
+    def rod(
+        cls,
+        frame: str,
+        start: ArrayLike,
+        end: ArrayLike,
+        radius: float,
+        color: tuple[float, float, float, float] = (0.62, 0.66, 0.71, 1.0),
+    ) -> Self:
+        """Return a capsule from one place (3,) in the frame to another (m).
+
+        Raises
+        ------
+        DescriptionError
+            Two places that are one.
+        """
+        a, b = (as_array(each, f"Shape on {frame!r}: {what}", (3,)) for each, what in ((start, "start"), (end, "end")))
+        length = float(np.linalg.norm(b - a))
+        if length == 0.0:
+            raise DescriptionError(f"Shape on {frame!r}: got a rod from {a.tolist()} to itself, expected two places")
+        z = (b - a) / length
+        x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
+        x /= np.linalg.norm(x)
+        pose = np.eye(4)
+        pose[:3] = np.stack([x, np.cross(z, x), z, 0.5 * (a + b)], axis=1)
+        return cls(frame=frame, kind="capsule", size=np.array([radius, length]), pose=pose, color=color)

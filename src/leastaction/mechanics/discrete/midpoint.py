@@ -20,20 +20,28 @@ from leastaction import _core
 from leastaction.errors import (
     ArgumentError,
     CoarseStepWarning,
+    StepError,
     closest,
 )
-from leastaction.mechanics.configuration.assembly import check_consistent, check_lengths, check_velocity
+from leastaction.mechanics.configuration.assembly import (
+    CONFIGURATION_TOLERANCE,
+    VELOCITY_TOLERANCE,
+    check_consistent,
+    check_lengths,
+    check_velocity,
+)
 from leastaction.mechanics.discrete import derivatives as differentiate
 from leastaction.mechanics.discrete import functions, simulation
 from leastaction.mechanics.discrete import sensitivity as of_trajectories
 from leastaction.mechanics.discrete import step_sensitivity as of_steps
 from leastaction.mechanics.discrete.integrator import Integrator
-from leastaction.mechanics.discrete.outcome import quality_of, step_error
+from leastaction.mechanics.discrete.outcome import step_error
 from leastaction.mechanics.discrete.step import Step
 from leastaction.mechanics.discrete.trajectory import (
     State,
     Trajectory,
     check_state,
+    state_in,
     state_of,
     trajectory_of,
     vector_of,
@@ -48,11 +56,13 @@ from leastaction.numerics.arrays import (
     as_count,
     as_number,
     as_time_step,
+    require_finite,
     require_instance,
 )
 from leastaction.numerics.frozen import made
 from leastaction.numerics.names import as_names
 from leastaction.numerics.public import public
+from leastaction.numerics.step_quality import StepQuality
 from leastaction.numerics.warn import warn
 
 Split = Literal["symmetric", "left"]
@@ -158,17 +168,21 @@ class MidpointVI(Integrator):
         q0 = single(m, q)
         if self.reels:
             check_lengths(m, q0[None, :], np.array([t]))
-        if m.nc:
-            check_consistent(m, q0)
         if v is not None and p is not None:
             raise ArgumentError("start: got both v and p; give the velocity or the momentum")
         if p is not None:
+            if m.nc:
+                check_consistent(m, q0)
             momentum = as_array(p, "p", (m.nd,), names=m.dynamic)
             return state_of(m, as_number(t, "t"), np.concatenate((q0, momentum, np.zeros(m.nrho))))
-        v0 = np.zeros(m.nv) if v is None else rates(m, v)
-        check_velocity(m, q0, v0)
-        momentum = as_array(m.core.gradient(q0, v0)[1][: m.nd], "momentum", (m.nd,), names=m.dynamic)
-        return state_of(m, as_number(t, "t"), np.concatenate((q0, momentum, v0[m.nd :])))
+        v0 = None if v is None else rates(m, v)
+        x = np.empty(m.nx)
+        if not m.core.start(q0, v0, CONFIGURATION_TOLERANCE, VELOCITY_TOLERANCE, x):
+            check_consistent(m, q0)
+            if v0 is not None:
+                check_velocity(m, q0, v0)
+            require_finite(x[m.nq :][: m.nd], "momentum", names=m.dynamic)
+        return state_in(m, as_number(t, "t"), x)
 
     def start_from_configurations(
         self, q0: ArrayLike, q1: ArrayLike, dt: float, *, inputs: ArrayLike | None = None, t: float = 0.0
@@ -229,27 +243,35 @@ class MidpointVI(Integrator):
         m = self.mechanism
         check_state(state)
         h = as_time_step(dt)
-        u = inputs_of(m, inputs)
-        start = vector_of(m, state)
-        before = start[m.nq - m.nrho : m.nq]
-        rho = before if rho_next is None else as_array(rho_next, "rho_next", (m.nrho,), names=m.kinematic)
         begin = as_number(state.t, "state.t")
-        t = np.array((begin, begin + h))
+        u = None if inputs is None else inputs_of(m, inputs)
+        rho = None if rho_next is None else as_array(rho_next, "rho_next", (m.nrho,), names=m.kinematic)
         if self.reels:
-            check_lengths(m, np.concatenate((start[: m.nq - m.nrho], rho))[None, :], t[1:])
-        controls = np.concatenate((u, rho)) if m.nrho else u
-        out = self.core.roll_out(t, start, None, controls[None, :], None)
-        if out.steps < 1:
-            raise step_error(m, out, state, rho)
-        x = out.x[1]
+            start = vector_of(m, state)
+            after = np.concatenate((start[: m.nq - m.nrho], start[m.nq - m.nrho : m.nq] if rho is None else rho))
+            check_lengths(m, after[None, :], np.array((begin + h,)))
+        x, lam = np.empty(m.nx), np.empty(m.nc)
+        told = self.core.step(begin, h, state.q, state.p, state.v_rho, u, rho, x, lam)
+        if told is None:
+            raise self._failure(state, h, u, rho)
+        s, angle, variable, iterations = told
         # The start is the end of the step before, which has told of it.
         if self.watch.balls:
-            self.watch.look(t[1:], x[None, : m.nq], before=state.q)
-        quality = quality_of(m, out, t)
-        if quality is not None and quality.is_coarse:
+            self.watch.look(np.array((begin + h,)), x[None, : m.nq], before=state.q)
+        name = m.variables[variable] if variable >= 0 else ""
+        quality = made(StepQuality, t=begin, s=s, angle=angle, variable=name)
+        if quality.is_coarse:
             warn(str(quality), CoarseStepWarning)
-        end = state_of(m, begin + h, x)
-        return made(Step, state=end, lam=out.lam[0], iterations=out.iterations, quality=quality)
+        return made(Step, state=state_in(m, begin + h, x), lam=lam, iterations=iterations, quality=quality)
+
+    def _failure(self, state: State, dt: float, inputs: Array | None, rho_next: Array | None) -> StepError:
+        """Return why a step failed; raise where its state is none."""
+        m = self.mechanism
+        start = vector_of(m, state)
+        rho = start[m.nq - m.nrho : m.nq] if rho_next is None else rho_next
+        controls = np.concatenate((inputs_of(m, inputs), rho))
+        out = self.core.roll_out(np.array((state.t, state.t + dt)), start, None, controls[None, :], None)
+        return step_error(m, out, state, rho)
 
     simulate = simulation.simulate
 

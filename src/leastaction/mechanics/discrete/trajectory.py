@@ -11,13 +11,13 @@ import numpy as np
 
 from leastaction.mechanics.discrete.balance import DiscreteBalance
 from leastaction.mechanics.discrete.tensions import tensions
-from leastaction.mechanics.discrete.turns import differences, middles
 from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.masses import Energy
 from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
 from leastaction.mechanics.mechanism.reactions import reactions
 from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
+from leastaction.mechanics.mechanism.turns import differences, middles
 from leastaction.numerics.arrays import Array, as_array, require_instance
 from leastaction.numerics.frozen import made
 from leastaction.numerics.public import public
@@ -71,9 +71,14 @@ class State(BaseState):
 
 def state_of(mechanism: Mechanism, t: float, x: Array) -> State:
     """Return a state vector (nx,) at time t as a `State`, with memory of its own."""
-    m, own = mechanism, x.copy()
-    own.setflags(write=False)
-    return made(State, t=t, q=own[: m.nq], p=own[m.nq : m.nq + m.nd], v_rho=own[m.nq + m.nd :])
+    return state_in(mechanism, t, x.copy())
+
+
+def state_in(mechanism: Mechanism, t: float, x: Array) -> State:
+    """Return a state vector (nx,) that nobody else holds as a `State`, in its memory."""
+    m = mechanism
+    x.setflags(write=False)
+    return made(State, t=t, q=x[: m.nq], p=x[m.nq : m.nq + m.nd], v_rho=x[m.nq + m.nd :])
 
 
 def vector_of(m: Mechanism, state: State) -> Array:

@@ -64,6 +64,7 @@ class SearchParts:
         self.here = Here()
         self.plain = CostMerit(cost, self.here)
         self.barrier: BarrierMerit | None = None
+        self.limits: BarrierMerit | None = None
         if rows:
             self.barrier = barrier_merit(system, cost, self.rows, self.here, settings, dearer)
         own = own_projection(settings, system)

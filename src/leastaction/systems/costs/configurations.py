@@ -6,7 +6,6 @@ from abc import abstractmethod
 
 import numpy as np
 
-from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
@@ -16,13 +15,15 @@ from leastaction.systems.midpoint import MidpointSystem
 class CostOfConfigurations(AddedCost):
     """Another cost and a price of configurations q, with exact second derivatives; as fit for several threads as that.
 
+    Derivatives are by the nv directions in which configurations move: by all variables, where no rotation is a
+    quaternion.
+
     ``what``: what has a price, in the plural, for messages. ``system``: whose configurations are meant.
     """
 
     def __init__(self, cost: Cost, what: str, system: MidpointSystem) -> None:
         super().__init__(cost, what, (system.N, system.nx, system.nu))
-        angles_only(system.mechanism, f"a price of {what}")
-        self._nq = system.mechanism.nq
+        self._nq, self._nv = system.mechanism.nq, system.mechanism.nv
 
     @abstractmethod
     def _prices(self, q: Array, start: int) -> Array:
@@ -30,11 +31,11 @@ class CostOfConfigurations(AddedCost):
 
     @abstractmethod
     def _slopes(self, q: Array) -> Array:
-        """Return the derivatives (N+1, nq) of the prices along a whole motion."""
+        """Return the derivatives (N+1, nv) of the prices along a whole motion."""
 
     @abstractmethod
     def _bends(self, q: Array, *, exact: bool) -> Array:
-        """Return their second derivatives (N+1, nq, nq); or Gauss and Newton's, where they need not be ``exact``."""
+        """Return their second derivatives (N+1, nv, nv); or Gauss and Newton's, where they need not be ``exact``."""
 
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
         return np.asarray(self.cost.stage_values(x, u, start) + self._prices(self._configurations(x), start))
@@ -47,8 +48,8 @@ class CostOfConfigurations(AddedCost):
         q, r, q_final = self.cost.gradient(x, u)
         slopes = self._slopes(self._configurations(x))
         q, q_final = q.copy(), q_final.copy()
-        q[:, : self._nq] += slopes[:-1]
-        q_final[: self._nq] += slopes[-1]
+        q[:, : self._nv] += slopes[:-1]
+        q_final[: self._nv] += slopes[-1]
         return CostGradient(q, r, q_final)
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
@@ -62,7 +63,7 @@ class CostOfConfigurations(AddedCost):
     def model_hessian(self, x: Array, u: Array, *, convex: bool) -> ModelHessian:
         """Return either with what is by configurations as a part of it; see `Cost`."""
         bends = self._bends(self._configurations(x), exact=not convex)
-        return self.cost.model_hessian(x, u, convex=convex).weighed(np.arange(self._nq), bends)
+        return self.cost.model_hessian(x, u, convex=convex).weighed(np.arange(self._nv), bends)
 
     def _configurations(self, x: Array) -> Array:
         return np.ascontiguousarray(x[:, : self._nq])

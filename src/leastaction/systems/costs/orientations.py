@@ -13,7 +13,7 @@ from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.systems.costs.configurations import CostOfConfigurations
 from leastaction.systems.midpoint import MidpointSystem
-from leastaction.systems.orientations import MissingTurn, Orientation, quaternions_of
+from leastaction.systems.orientations import MissingTurn, Orientation, TurnedFrame, quaternions_of
 
 
 @public
@@ -79,7 +79,9 @@ class OrientationCost(CostOfConfigurations):
 
     def _turns(self) -> list[tuple[MissingTurn, Array]]:
         m = self.system.mechanism
-        return [(MissingTurn(m, name, wanted), self._weights[name]) for name, wanted in self._wanted.items()]
+        return [
+            (MissingTurn(TurnedFrame(m, name), wanted), self._weights[name]) for name, wanted in self._wanted.items()
+        ]
 
     def _prices(self, q: Array, start: int) -> Array:
         rows = slice(start, start + len(q))
@@ -89,14 +91,14 @@ class OrientationCost(CostOfConfigurations):
         return total
 
     def _slopes(self, q: Array) -> Array:
-        total = np.zeros(q.shape)
+        total = np.zeros((len(q), self._nv))
         for turn, weight in self._turns():
             e = turn.values(q)
             total += np.einsum("na,nai->ni", weight * e, turn.jacobian(q, e))
         return total
 
     def _bends(self, q: Array, *, exact: bool) -> Array:
-        total = np.zeros((*q.shape, q.shape[1]))
+        total = np.zeros((len(q), self._nv, self._nv))
         for turn, weight in self._turns():
             e = turn.values(q)
             J = turn.jacobian(q, e)

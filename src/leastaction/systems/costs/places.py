@@ -81,7 +81,7 @@ class PlaceCost(CostOfConfigurations):
         return np.asarray(self._points.slopes(q, range(len(self._frames)), self._pulls(q)).sum(axis=1))
 
     def _bends(self, q: Array, *, exact: bool) -> Array:
-        J = self._points.jacobian(q).reshape(len(q), -1, q.shape[1])
+        J = self._points.jacobian(q).reshape(len(q), -1, self._nv)
         total = J.swapaxes(1, 2) @ (self._weights.reshape(len(q), -1, 1) * J)
         if exact:
             total += self._points.bent(q, self._pulls(q))

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError, closest
-from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.numerics.arrays import Array, as_number, read_only, require_mapping
 from leastaction.numerics.names import matching
 from leastaction.numerics.public import public
@@ -29,7 +28,8 @@ class CostOfAccelerations(AddedCost):
 
     ``dt`` (N,): the time steps (s). ``nx``, ``nu``: numbers of states and inputs. ``weights`` (m,): of half the squared
     accelerations. ``rho``, ``v_rho`` (m,): where the variables and their rates over the step before are in the state.
-    ``rho_next`` (m,): where the variables at the end of the step are in the input.
+    ``rho_next`` (m,): where the variables at the end of the step are in the input. ``turned``: by how many numbers a
+    state has more than directions, all of them before these variables: one for each rotation that is a quaternion.
     """
 
     def __init__(
@@ -43,8 +43,10 @@ class CostOfAccelerations(AddedCost):
         rho: IntArray,
         v_rho: IntArray,
         rho_next: IntArray,
+        turned: int = 0,
     ) -> None:
         super().__init__(cost, "accelerations", (len(dt), nx, nu))
+        self.turned = turned
         self.dt, self.weights = read_only(dt), read_only(weights)
         self.rho, self.v_rho, self.rho_next = rho, v_rho, rho_next
 
@@ -56,8 +58,8 @@ class CostOfAccelerations(AddedCost):
         q, r, q_final = self.cost.gradient(x, u)
         q, r, dt = q.copy(), r.copy(), self.dt[:, None]
         slope = self.weights * self._accelerations(x[:-1], u, 0)
-        q[:, self.rho] -= slope / dt**2
-        q[:, self.v_rho] -= slope / dt
+        q[:, self.rho - self.turned] -= slope / dt**2
+        q[:, self.v_rho - self.turned] -= slope / dt
         r[:, self.rho_next] += slope / dt**2
         return CostGradient(q, r, q_final)
 
@@ -73,16 +75,17 @@ class CostOfAccelerations(AddedCost):
         dt = self.dt[:, None]
         if np.ptp(dt) < 1e-9 * dt.max():
             dt = dt.mean(keepdims=True)
-        (nx, nu), n = (x.shape[1], u.shape[1]), len(dt)
-        bent, turned, cross = np.zeros((n, nx, nx)), np.zeros((n, nu, nu)), np.zeros((n, nx, nu))
+        (ndx, nu), n = (x.shape[1] - self.turned, u.shape[1]), len(dt)
+        rho, v_rho, rho_next = self.rho - self.turned, self.v_rho - self.turned, self.rho_next
+        by_states, by_inputs, cross = np.zeros((n, ndx, ndx)), np.zeros((n, nu, nu)), np.zeros((n, ndx, nu))
         by_rate = self.weights / dt**2
-        bent[:, self.rho, self.rho] = turned[:, self.rho_next, self.rho_next] = by_rate / dt**2
-        bent[:, self.rho, self.v_rho] = bent[:, self.v_rho, self.rho] = by_rate / dt
-        bent[:, self.v_rho, self.v_rho] = by_rate
-        cross[:, self.rho, self.rho_next], cross[:, self.v_rho, self.rho_next] = -by_rate / dt**2, -by_rate / dt
+        by_states[:, rho, rho] = by_inputs[:, rho_next, rho_next] = by_rate / dt**2
+        by_states[:, rho, v_rho] = by_states[:, v_rho, rho] = by_rate / dt
+        by_states[:, v_rho, v_rho] = by_rate
+        cross[:, rho, rho_next], cross[:, v_rho, rho_next] = -by_rate / dt**2, -by_rate / dt
         Q, R, S, Q_final = other
-        bent, turned, cross = (part[0] if n == 1 else part for part in (bent, turned, cross))
-        return CostHessian(matrix_of(Q) + bent, matrix_of(R) + turned, cross if S is None else S + cross, Q_final)
+        Q_more, R_more, cross = (part[0] if n == 1 else part for part in (by_states, by_inputs, cross))
+        return CostHessian(matrix_of(Q) + Q_more, matrix_of(R) + R_more, cross if S is None else S + cross, Q_final)
 
     def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
         result = self._beside(self.cost.window(start, stop, N=N, nu=nu), stop - start)
@@ -121,7 +124,6 @@ class SmoothCost(CostOfAccelerations):
     def __init__(self, cost: Cost, system: MidpointSystem, accelerations: Mapping[str, float]) -> None:
         require_mapping(accelerations, "accelerations", "{'string-*': 1e-3}")
         m = system.mechanism
-        angles_only(m, "SmoothCost")
         weights = np.zeros(m.nrho)
         for pattern, value in accelerations.items():
             found = matching(m.kinematic, pattern)
@@ -136,7 +138,8 @@ class SmoothCost(CostOfAccelerations):
             nx=system.nx,
             nu=system.nu,
             weights=weights[priced],
-            rho=m.nd + priced,
+            rho=m.nq - m.nrho + priced,
             v_rho=m.nq + m.nd + priced,
             rho_next=m.n_inputs + priced,
+            turned=m.nx - m.ndx,
         )

@@ -11,7 +11,8 @@ from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.looking_back import InputRates, LookingBack, Need
-from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples, names_of
+from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
+from leastaction.systems.quantities.rates import Rates
 from leastaction.systems.quantities.scaled import Scaled
 
 KINDS = ("input", "variable", "rate", "acceleration", "momentum", "multiplier", "tension", "state", "input rate")
@@ -51,9 +52,7 @@ def quantity_of(mechanism: Mechanism, kind: str, t: Array, *, multipliers: bool)
         return Entries(names, range(len(names)), of_state=True)
     dt = np.diff(t)
     if kind == "rate":
-        # Quaternions have no rates of their own: their angular velocities are none of the state.
-        moving = [name for name in m.variables if name in m.coordinates]
-        return Rates(moving, np.array([m.coordinates.index(name) for name in moving], dtype=np.intp), dt)
+        return Rates(m, np.arange(m.nv), dt)
     if kind == "acceleration":
         return AccelerationQuantity(m, np.arange(m.nrho), dt)
     if kind == ACROSS:
@@ -62,39 +61,6 @@ def quantity_of(mechanism: Mechanism, kind: str, t: Array, *, multipliers: bool)
     if kind == "tension":
         return Tensions(m, Scaled.tensions(m, 1.0), dt)
     raise ArgumentError(f"quantity: got {kind!r}, expected one of {', '.join(map(repr, KINDS))}")
-
-
-class Rates(Quantity):
-    """Mean rates of variables over steps, ``(q_{k+1} - q_k) / dt``."""
-
-    kind = "rate of"
-    looks_ahead = True
-
-    def __init__(self, names: Sequence[str], columns: Instants, dt: Array) -> None:
-        self.names, self._places, self.dt = tuple(names), columns, dt
-
-    def values(self, at: Samples) -> Array:
-        return np.asarray((at.x_next[:, self._places] - at.x[:, self._places]) / self.dt[at.k, None])
-
-    def columns(self, nx: int, nu: int) -> Instants:
-        return np.concatenate([self._places, nx + nu + self._places])
-
-    def jacobian(self, at: Samples) -> Array:
-        each = np.eye(len(self._places)) / self.dt[at.k, None, None]
-        return np.concatenate([-each, each], axis=2)
-
-    def curvature(self, at: Samples, y: Array) -> None:
-        """Return None: they are linear."""
-
-    def joined(self, others: Sequence[Quantity]) -> Rates:
-        parts = self.among(others)
-        return Rates(names_of(parts), np.concatenate([part._places for part in parts]), self.dt)
-
-    def select(self, rows: Sequence[int]) -> Rates:
-        return Rates([self.names[row] for row in rows], self._places[list(rows)], self.dt)
-
-    def is_like(self, other: Quantity) -> bool:
-        return isinstance(other, Rates) and np.array_equal(self.dt, other.dt)
 
 
 class AccelerationQuantity(Quantity):
@@ -114,7 +80,7 @@ class AccelerationQuantity(Quantity):
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
         m, i = self.mechanism, self.which
-        return np.concatenate([m.nq - m.nrho + i, m.nq + m.nd + i, nx + m.n_inputs + i])
+        return np.concatenate([m.nd + i, m.nv + m.nd + i, nx + m.n_inputs + i])
 
     def jacobian(self, at: Samples) -> Array:
         dt = self.dt[at.k, None, None]
@@ -202,8 +168,10 @@ class Tensions(Quantity):
         self.names = strings.names
         places = mechanism.nx + strings.rows, strings.places, mechanism.nq + strings.places
         self._lam, self._length, self._rate = places
-        self._columns = np.unique(np.concatenate(places))
-        self._at = [np.searchsorted(self._columns, each) for each in places]
+        # A state has more numbers than directions, before those of prescribed variables, where it has quaternions.
+        by = [each - (mechanism.nx - mechanism.ndx) for each in places]
+        self._columns = np.unique(np.concatenate(by))
+        self._at = [np.searchsorted(self._columns, each) for each in by]
 
     def values(self, at: Samples) -> Array:
         return np.asarray(at.x[:, self._lam] * self._factor(at))

@@ -115,7 +115,7 @@ def frame_jacobian(
 
     Returns
     -------
-    ndarray, shape (6, nq) or (N, 6, nq)
+    ndarray, shape (6, nv) or (N, 6, nv)
         Linear velocity of the point, then angular velocity, by the velocity of every variable.
 
     Raises
@@ -173,8 +173,9 @@ def frame_jacobian_derivative(
 
     Returns
     -------
-    ndarray, shape (6, nq, nq, ...) or (N, 6, nq, nq, ...)
-        Entry ``[a, i, j]`` is ``dJ[a, i] / dq_j``. The linear half in world axes is symmetric in i and j,
+    ndarray, shape (6, nv, nv, ...) or (N, 6, nv, nv, ...)
+        Entry ``[a, i, j]`` is ``dJ[a, i] / dq_j``, of a rotation that is a quaternion by a turn about an axis of its
+        own, for the first order. The linear half in world axes is symmetric in i and j,
         being the second derivative of a position; the angular one is not, since an angular velocity is
         no derivative of anything.
 
@@ -185,9 +186,11 @@ def frame_jacobian_derivative(
     """
     values, one = batch(m, q)
     motion = PathMotion.of(m, values, frame, point, axes)
-    slots = _slots(m, motion, order, along, (len(values), 6, m.nq), max_bytes, "frame_jacobian_derivative")
-    if order == 1 and not len(along):  # ten times as fast as the rule for any order
+    what = "frame_jacobian_derivative"
+    if as_count(order, f"{what}: order", 1) == 1 and not len(along):  # ten times as fast as the rule for any order
+        check_memory((len(values), 6, m.nv, m.nv), max_bytes, what, "give directions, along=[...]")
         return shaped(motion.jacobian_derivative(), one)
+    slots = _slots(m, motion, order, along, (len(values), 6, m.nv), max_bytes, what)
     return shaped(_without(along, jacobian_derivative(motion, [motion.E[None], *slots])), one)
 
 

@@ -17,7 +17,10 @@ from leastaction.numerics.public import public
 @public
 @dataclass(frozen=True)
 class MovedPoints:
-    """P points of frames: behind joints ``joints`` (-1: the world), at ``offsets`` (P, 3) in their axes."""
+    """P points of frames: behind joints ``joints`` (-1: the world), at ``offsets`` (P, 3) in their axes.
+
+    Derivatives are by the nv directions in which configurations move: variables, and turns of quaternions.
+    """
 
     mechanism: Compiled
     joints: tuple[int, ...]
@@ -39,17 +42,17 @@ class MovedPoints:
         return self.mechanism.core.point_places(q, self.joints, self.offsets)
 
     def slopes(self, q: Array, of: Sequence[int], along: Array) -> Array:
-        """Return how far the points ``of`` (R,) move along vectors (N, R, 3), or (1, R, 3): derivatives (N, R, nq)."""
+        """Return how far the points ``of`` (R,) move along vectors (N, R, 3), or (1, R, 3): derivatives (N, R, nv)."""
         return self.mechanism.core.point_slopes(q, self.joints, self.offsets, of, along)
 
     def jacobian(self, q: Array) -> Array:
-        """Return the derivatives (N, P, 3, nq) of their places."""
+        """Return the derivatives (N, P, 3, nv) of their places."""
         P = len(self.joints)
         slopes = self.slopes(q, np.repeat(np.arange(P), 3).tolist(), np.tile(np.eye(3), (P, 1))[None])
-        return slopes.reshape(len(q), P, 3, q.shape[1])
+        return slopes.reshape(len(q), P, 3, slopes.shape[-1])
 
     def bent(self, q: Array, force: Array, weight: Array | None = None) -> Array:
-        """Return second derivatives (N, nq, nq), summed over the points.
+        """Return second derivatives (N, nv, nv), summed over the points.
 
         Of how far forces (N, P, 3), which do not turn, move them along; and weights (N, P) times the products of their
         first ones.
@@ -64,13 +67,13 @@ class MovedPoints:
         return np.asarray(places[:, :half] - places[:, half:])
 
     def apart_slopes(self, q: Array, along: Array) -> Array:
-        """Return how far they move apart along vectors (N, P/2, 3): derivatives (N, P/2, nq)."""
+        """Return how far they move apart along vectors (N, P/2, 3): derivatives (N, P/2, nv)."""
         half = len(self.joints) // 2
         moved = self.slopes(q, range(2 * half), np.concatenate([along, -along], axis=1))
         return np.asarray(moved[:, :half] + moved[:, half:])
 
     def apart_bent(self, q: Array, along: Array, stiff: Array, weight: Array) -> Array:
-        """Return products of the derivatives D (N, P/2, 3, nq) of that, (N, nq, nq), summed over the pairs.
+        """Return products of the derivatives D (N, P/2, 3, nv) of that, (N, nv, nv), summed over the pairs.
 
         Of those along vectors (N, P/2, 3) times `stiff` (N, P/2), and of all three times `weight` (N, P/2).
         """

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from leastaction.mechanics.description.tree import WORLD, Tree
 from leastaction.mechanics.mechanism.arguments import Compiled, frame_index
@@ -45,13 +45,15 @@ class PathMotion:
     """How the joints on the way from the world to a frame move a point of it, at N configurations.
 
     ``twists`` (N, n, 6): of these joints, in the world. ``by_joints`` (N, 6, n): velocity of the point, and angular
-    velocity, by the joints' coordinates, in world axes. ``E`` (n, nq): the coordinates by the variables. ``point``
+    velocity, by the joints' coordinates, in world axes. ``order`` (n,): what of the joints is nearer to the world; of
+    the three of a rotation that is a quaternion none is. ``E`` (n, nv): the coordinates by the variables. ``point``
     (3,): in the frame. ``poses`` (N, 4, 4): of the frame. ``turn`` (N, 3, 3): its rotation, if the velocities are
     wanted in its axes.
     """
 
     twists: Array
     by_joints: Array
+    order: NDArray[np.intp]
     E: Array
     point: Array
     poses: Array
@@ -69,34 +71,34 @@ class PathMotion:
         linear = twists[:, :, :3] + np.cross(twists[:, :, 3:], place[:, None, :])
         by_joints = np.concatenate([linear, twists[:, :, 3:]], axis=2).swapaxes(1, 2)
         E, _ = m.tree.coupling(path, m.variables)
-        return cls(twists, by_joints, E, offset, poses, poses[:, :3, :3] if axes == "frame" else None)
+        first = {rotation.joint + i: rotation.joint for rotation in m.tree.rotations for i in range(3)}
+        order = np.array([path.index(first.get(joint, joint)) for joint in path], dtype=np.intp)
+        return cls(twists, by_joints, order, E, offset, poses, poses[:, :3, :3] if axes == "frame" else None)
 
     def in_axes(self) -> Array:
         """Return the velocities by the joints' coordinates (N, 6, n), in the axes that are wanted."""
         return _turned(self.turn, self.by_joints)
 
     def jacobian(self) -> Array:
-        """Return the Jacobian (N, 6, nq)."""
+        """Return the Jacobian (N, 6, nv)."""
         return self.in_axes() @ self.E
 
     def velocity(self, v: Array) -> Array:
-        """Return the velocities (N, 6) for those of the variables (N, nq)."""
+        """Return the velocities (N, 6) for those of the variables (N, nv)."""
         velocity: Array = np.einsum("nai,ni->na", self.in_axes(), v @ self.E.T)
         return velocity
 
     def jacobian_derivative(self) -> Array:
-        """Return the derivative (N, 6, nq, nq) of the Jacobian by the variables."""
+        """Return the derivative (N, 6, nv, nv) of the Jacobian by the variables, or by turns of quaternions."""
         linear, w = self.by_joints[:, :3].swapaxes(1, 2), self.twists[:, :, 3:]
         count, n = linear.shape[:2]
-        # Of the joints i and j, the one nearer to the world turns what the other one moves.
-        nearer = np.minimum.outer(np.arange(n), np.arange(n))
-        farther = np.maximum.outer(np.arange(n), np.arange(n))
         result = np.empty((count, 6, n, n))
-        result[:, :3] = np.moveaxis(np.cross(w[:, nearer], linear[:, farther]), 3, 1)
-        # The axis of i is turned by the joints j nearer to the world than i.
-        turned = np.cross(w[:, None, :], w[:, :, None])
-        before = np.tri(n, k=-1)[:, :, None]
-        result[:, 3:] = np.moveaxis(turned * before, 3, 1)
+        # A joint j that is not farther from the world than i turns what i moves, and the axis of i; one that is farther
+        # is turned itself.
+        turns = (self.order[None, :] <= self.order[:, None])[:, :, None]
+        moved = np.cross(w[:, None, :], linear[:, :, None])
+        result[:, :3] = np.moveaxis(np.where(turns, moved, moved.swapaxes(1, 2)), 3, 1)
+        result[:, 3:] = np.moveaxis(np.cross(w[:, None, :], w[:, :, None]) * turns, 3, 1)
         if self.turn is not None:
             # The axes turn with the frame: d(R^T x) = R^T (dx - w_j x x).
             angular = self.by_joints[:, 3:].swapaxes(1, 2)
