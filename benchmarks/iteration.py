@@ -1,7 +1,7 @@
 """One iteration of the optimiser: what it takes beside the unit, how many calls of Python, and what runs allocate.
 
-``python -m benchmarks.iteration [--rounds N] [--calls]``: a cart-pole over 40 steps, free and with a bounded push. Times
-are the least of this thread's processor over many runs of one `Optimizer`, so that what else runs counts little; the
+``python -m benchmarks.iteration [--rounds N] [--calls]``: a cart-pole over 40 steps, free and with a bounded push. They
+are the least times of this thread over many runs of one `Optimizer`, so that what else runs counts little; the
 unit is measured right beside them.
 """
 
@@ -108,8 +108,9 @@ def main() -> None:
         by = unit.AT_DESIGN / own
         print(
             f"{name:8s} run of one iteration {1e3 * first:.3f} ms, by the unit {1e3 * first * by:.3f} of "
-            f"{1e3 * goal:.3f}; one more {1e3 * each:.3f} ms, by the unit {1e3 * each * by:.3f}; unit {1e6 * own:.1f} us"
+            f"{1e3 * goal:.3f}; one more {1e3 * each:.3f} ms, by the unit {1e3 * each * by:.3f}"
         )
+        print(f"{'':8s} unit {1e6 * own:.1f} us")
         total = [each.total_calls for each in counts]
         print(f"{'':8s} {total[0]} calls; one more iteration {(total[1] - total[0]) / more:.0f}")
         allocated = [peak(Case(steps, bounded=name == "bounded"), 3) / 1024 for steps in (40, 4000)]

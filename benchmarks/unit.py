@@ -16,7 +16,7 @@ _CALLS = 200
 
 
 def measure(budget: float, clock: Callable[[], float] = time.perf_counter) -> Timing | str:
-    """Return the time of Pinocchio's computeRNEADerivatives on Talos, or why there is none; ``clock``: as of `best_of`."""
+    """Return the time of Pinocchio's computeRNEADerivatives on Talos, or why there is none, by a clock of `best_of`."""
     try:
         import example_robot_data
         import pinocchio

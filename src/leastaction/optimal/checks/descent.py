@@ -115,7 +115,7 @@ def cost_along(
         require_instance(cost, "cost", Cost, "such as a QuadraticCost")
         made = DiscreteProblem(system, cast(Cost, cost).over(system.N), settings)
         pair = (initial.x, initial.u) if isinstance(initial, OptimizationResult) else initial
-        given = given_start(system, pair)
+        given: Any = given_start(system, pair)
     else:
         require_instance(cost, "cost", ContinuousCost, "such as a ContinuousQuadraticCost")
         made = ContinuousProblem(system, cast(ContinuousCost, cost), settings, Accuracy(), horizon)

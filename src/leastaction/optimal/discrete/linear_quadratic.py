@@ -12,7 +12,6 @@ The optimal input is ``du = -K dx - C``, the optimal cost from ``dx_0`` is
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any, Literal, NamedTuple, Protocol, get_args
@@ -448,7 +447,7 @@ def swept(
 
 
 def adjoint_along(
-    A: Array, B: Array, K: Array, gradient: Sequence[Array], pattern: npt.NDArray[np.bool_] | None
+    A: Array, B: Array, K: Array, gradient: tuple[Array, Array, Array], pattern: npt.NDArray[np.bool_] | None
 ) -> Array:
     """Return what `adjoint` does, which looks through what the core does not take; for short iterations."""
     try:

@@ -100,7 +100,8 @@ class Models:
             if costates is None:
                 gradient = self.merit.lagrangian_gradient()
                 with self.work.clock("lq"):
-                    costates = adjoint_along(*linearization, here.gain, gradient, linearization.pattern)
+                    A, B = linearization
+                    costates = adjoint_along(A, B, here.gain, gradient, linearization.pattern)
             with self.work.clock("curvature"):
                 self.curvature = linearization.packed_curvature(costates)
         return self.curvature
@@ -197,7 +198,8 @@ class Models:
     def sweep(self, law: Law, dx0: Array | None, *, gaps: Array | None = None) -> tuple[Array, Array]:
         """Return the motion of the linear dynamics under a law, which closes gaps."""
         linearization = self.linearize()
-        return swept(*linearization, law, dx0, gaps, linearization.pattern)
+        A, B = linearization
+        return swept(A, B, law, dx0, gaps, linearization.pattern)
 
     def motion(self, direction: DiscreteDirection) -> tuple[Array, Array]:
         """Return the changes of states and inputs along a direction."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.arrays import Array
 from leastaction.optimal.cost import is_diagonal, own_matrices
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import ModelHessian, same
@@ -54,7 +54,9 @@ class LimitedCost:
             SideLayout([r.bounds.shape for r in self.rows]),
         )
         self.layout = self.duals.layout
-        self.instants = [read_only(each.k.astype(np.int64)) for each in self.rows]
+        self.instants: list[Instants] = [each.k.copy() for each in self.rows]
+        for k in self.instants:
+            k.setflags(write=False)
         self.of_states = EntryRows(self.rows, self.layout, of_state=True, width=nx)
         self.of_inputs = EntryRows(self.rows, self.layout, of_state=False, width=nu)
         self.spare: dict[bool, Weights] = {}  # memory that is used again, of whole and of convex ones

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from leastaction import _core
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import made
 from leastaction.optimal.limit_report import Barrier, LimitReport, LimitState
 from leastaction.optimal.limits.barrier import (
@@ -297,16 +297,12 @@ class Duals:
         active = (y > layout.spread(enough)) | self._in_equations
         net = np.where(self._in_equations, y - y[self._other], y) if self._has_equations else y.copy()
         # Copies: what is told outlives the run, and is saved.
-        told = c.flat.copy(), net, self.rho.flat.copy(), active
-        for each in told:
-            each.setflags(write=False)
-        values, multipliers, prices, actives = (
-            Sided(each, of) for each, of in zip(told, (layout, layout, layout.columns, layout), strict=True)
-        )
+        value, dual, price = (read_only(each) for each in (c.flat.copy(), net, self.rho.flat.copy()))
+        active.setflags(write=False)
         return tuple(
             made(
-                LimitState, limit=own.limit, labels=own.labels, equation=own.equal, k=k[i], value=values[i],
-                dual=multipliers[i], price=prices[i], active=actives[i],
+                LimitState, limit=own.limit, labels=own.labels, equation=own.equal, k=k[i], value=layout.side(value, i),
+                dual=layout.side(dual, i), price=layout.columns.side(price, i), active=layout.side(active, i),
             )
             for i, own in enumerate(self.sides)
             if own.first or not own.equal

@@ -38,6 +38,10 @@ class SideLayout:
             result[i] = value
         return result
 
+    def side(self, values: NDArray[Entry], i: int) -> NDArray[Entry]:
+        """Return the array of one side among the entries of all, as a view."""
+        return values[self.ends[i] : self.ends[i + 1]].reshape(self.shapes[i])
+
     # ---- Columns of sides (n, m): what has one value for each of them is of the layout `columns` ---
 
     @cached_property
@@ -83,8 +87,7 @@ class Sided:
         return len(self.layout.shapes)
 
     def __getitem__(self, i: int) -> Array:
-        layout = self.layout
-        return self.flat[layout.ends[i] : layout.ends[i + 1]].reshape(layout.shapes[i])
+        return self.layout.side(self.flat, i)
 
     def __setitem__(self, i: int, values: Array | float) -> None:
         self[i][...] = values
