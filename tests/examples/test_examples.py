@@ -230,6 +230,25 @@ def test_quadrotor(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found.u.max() <= 3.0
 
 
+def test_stewart_platform(monkeypatch: pytest.MonkeyPatch) -> None:
+    stewart, found = example("27_stewart_platform", monkeypatch)
+    assert found.status is Status.CONVERGED
+    m, q = stewart.STEWART, found.trajectory.q
+    assert np.abs(m.constraint_values(q)).max() < 1e-12
+    strokes = np.stack([found[f"stroke {i}"] for i in stewart.LEGS])
+    assert strokes.max() == pytest.approx(1.35, abs=1e-6)
+    assert np.abs(np.diff(strokes)).max() / 0.025 == pytest.approx(1.0, abs=1e-6)
+    # Legs are as long as their ends are apart, and turn as these do.
+    sockets = m.positions(q, [f"socket {i}" for i in stewart.LEGS])
+    np.testing.assert_allclose(np.linalg.norm(sockets - stewart.FEET, axis=2), strokes.T, atol=1e-12)
+    # As no limit holds it, it does as is wanted.
+    R = m.frame_pose(q, "platform")[:, :3, :3]
+    off = np.array([np.degrees(np.arccos((stewart.lean(t)[:, 2] @ each[:, 2]).clip(-1.0, 1.0)))
+                    for t, each in zip(stewart.T, R, strict=True)])  # fmt: skip
+    assert off[[0, 5, -5, -1]].max() < 0.5
+    assert 5.0 < off.max() < 20.0
+
+
 # The systems of the dissertation's examples
 
 

@@ -25,6 +25,7 @@ from leastaction.mechanics.elements import Element
 from leastaction.numerics.arrays import as_choice, as_flag
 from leastaction.numerics.public import public
 from leastaction.optimal import Bound
+from leastaction.systems import PathBound
 
 
 @public
@@ -130,7 +131,7 @@ def _model(robot: Robot, file: Robot, spec: Any, which: bool | Sequence[str] | N
     names = settle(robot, file)
     elements, left_out = elements_of_joints(names)
     driven: dict[str, JointForce] = {}
-    limits: list[Bound] = []
+    limits: list[Bound | PathBound] = []
     keyframes: dict[str, Keyframe] = {}
     if spec is None or which is not None:
         driven = motors_of(names, which)
@@ -157,7 +158,7 @@ def _model(robot: Robot, file: Robot, spec: Any, which: bool | Sequence[str] | N
     return Model(
         mechanism=mechanism,
         name=robot.name,
-        limits=tuple(limits + limits_of_joints(names)),
+        limits=(*limits, *limits_of_joints(names)),
         keyframes=keyframes,
         reference=reference,
         shapes=robot.shapes,

@@ -9,6 +9,7 @@ from leastaction.mechanics import Mechanism
 from leastaction.mechanics.description.shapes import Shape
 from leastaction.numerics.public import public
 from leastaction.optimal import Bound
+from leastaction.systems import PathBound
 
 
 @public
@@ -60,8 +61,8 @@ class Model:
         The mechanism.
     name : str
         What the file calls it.
-    limits : tuple of Bound
-        Limits of inputs, variables and rates, ready for `optimize`.
+    limits : tuple of Bound and PathBound
+        Limits of inputs, variables, rates and lengths of tendons, ready for `optimize`.
     keyframes : mapping of str to Keyframe
         Configurations by name.
     reference : mapping of str to float
@@ -74,7 +75,7 @@ class Model:
 
     mechanism: Mechanism
     name: str = ""
-    limits: tuple[Bound, ...] = ()
+    limits: tuple[Bound | PathBound, ...] = ()
     keyframes: Mapping[str, Keyframe] = field(default_factory=dict)
     reference: Mapping[str, float] = field(default_factory=dict)
     shapes: tuple[Shape, ...] = ()
