@@ -16,6 +16,7 @@ from leastaction.errors import ArgumentError, ResidualWarning
 from leastaction.numerics.arrays import Array, as_array, as_count, read_only, require_instance
 from leastaction.numerics.frozen import changed
 from leastaction.numerics.piecewise import PiecewisePolynomial
+from leastaction.numerics.pool import Pool, copied
 from leastaction.numerics.public import public
 from leastaction.numerics.warn import warn as warn_of
 from leastaction.optimal.accuracy import Accuracy
@@ -111,6 +112,7 @@ class Optimizer:
         self.unknowns = checked_unknowns(unknowns)
         self.ways = [way for way in WAYS if way.name not in self.options.without]
         self.result: OptimizationResult | None = None
+        self._pool = Pool()
         self._extension: Extension | None = None
         self._remembered: Remembered | None = None
         self._problem = self._discrete() if isinstance(system, DiscreteSystem) else self._continuous()
@@ -132,10 +134,14 @@ class Optimizer:
         ArgumentError
             As of `optimize`.
         """
-        result = self.run_once(initial, resume=resume, callback=callback)
-        # The next run works where these stand.
-        own = {name: read_only(getattr(result, name).copy()) for name in ("K", "projection_gain")}
-        self.result = changed(result, **own)
+        is_first = self.result is None
+        with self._pool:
+            result = self.run_once(initial, resume=resume, callback=callback)
+            # The next run works where these stand.
+            own = {name: read_only(copied(getattr(result, name))) for name in ("K", "projection_gain")}
+            self.result = changed(result, **own)
+        if is_first:
+            self._pool.reserve()
         return self.result
 
     def run_once(

@@ -19,6 +19,7 @@ from leastaction.errors import (
 )
 from leastaction.mechanics.configuration.assembly import check_consistent, project_configuration
 from leastaction.mechanics.configuration.null_space import NullSpace
+from leastaction.mechanics.discrete.balance import balance_of
 from leastaction.mechanics.discrete.linearization import StepDerivatives, step_pattern
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.outcome import quality_of, step_error
@@ -123,7 +124,8 @@ class MidpointSystem(DiscreteSystem):
         worst, found = result.worst_step, list[Warning]()
         if worst is not None and worst.is_coarse:
             found.append(CoarseStepWarning(str(worst)))
-        complaint = self.integrator.balance(self.motion(result)).complaint
+        vi, x = self.integrator, self._bare(result.x)
+        complaint = balance_of(self.t, vi.core.energies(self.t, x, result.u, self._impulses(x, result.u))).complaint
         return [*found, EnergyBalanceWarning(complaint)] if complaint else found
 
     def dataset(self, result: Any) -> Dataset:
@@ -417,8 +419,11 @@ class MidpointSystem(DiscreteSystem):
     def trajectory(self, x: Array, u: Array) -> Trajectory:
         """Return states (N+1, nx) and inputs (N, nu) of this system as a `Trajectory`, multipliers and all."""
         x = self._bare(x)
-        lam = self._linearize(self.t, x, u, self.first_share).lam
-        return self.integrator.trajectory(self.t, x, u, lam)
+        return self.integrator.trajectory(self.t, x, u, self._impulses(x, u))
+
+    def _impulses(self, x: Array, u: Array) -> Array:
+        """Return the multipliers (N, nc) of every step along states without them."""
+        return self._linearize(self.t, x, u, self.first_share).lam if self.mechanism.nc else np.empty((len(u), 0))
 
     def states_along(self, q: Array, p: Array, v_rho: Array | None = None) -> Array:
         """Return the states (N+1, nx) of a motion with these configurations and momenta; multipliers in them are zero.

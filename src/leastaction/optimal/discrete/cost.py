@@ -13,6 +13,7 @@ from leastaction import _core
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.numerics.pool import empty, zeros
 from leastaction.numerics.public import public
 from leastaction.optimal.cost import Deviations, as_weight, clipped, deviations, final_of, matrix_of, owned_row, weigh
 from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
@@ -248,7 +249,7 @@ class QuadraticCost(Cost):
         x_wanted, u_wanted = (w[part] if self._steps else w for w in (self.x_wanted, self.u_wanted))
         if self.space is not None:
             x, x_wanted = self.space.difference(x, x_wanted), np.zeros(self.space.ndx)
-        values = np.zeros(len(u))
+        values = zeros((len(u),))
         _core.add_half_squares(x, x_wanted, _stages(self.Q, part), values)
         _core.add_half_squares(u, u_wanted, _stages(self.R, part), values)
         return values
@@ -258,12 +259,12 @@ class QuadraticCost(Cost):
         return 0.5 * float(missed @ weigh(self.Q_final, missed))
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
-        pull = np.empty(u.shape)
+        pull = empty(u.shape)
         _core.weigh_rows(u, self.u_wanted, self.R, pull)
         if self.space is not None:
             stages, last = self._deviations(self.space, x)
             return CostGradient(stages.gradient, pull, last.gradient[0])
-        wanted, stages_pull = self.x_wanted[:-1] if self._steps else self.x_wanted, np.empty((len(u), x.shape[1]))
+        wanted, stages_pull = self.x_wanted[:-1] if self._steps else self.x_wanted, empty((len(u), x.shape[1]))
         _core.weigh_rows(x[:-1], wanted, self.Q, stages_pull)
         return CostGradient(stages_pull, pull, weigh(self.Q_final, x[-1] - self._last_wanted))
 

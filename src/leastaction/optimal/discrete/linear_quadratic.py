@@ -24,6 +24,7 @@ from leastaction import _core
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_choice, as_number, require_finite
 from leastaction.numerics.frozen import made
+from leastaction.numerics.pool import empty
 from leastaction.numerics.public import public
 from leastaction.optimal.cost import final_of
 
@@ -438,7 +439,7 @@ def swept(
     """Return what `sweep_forward` does, which looks through what the core does not take; for short iterations."""
     try:
         N, nx, nu = B.shape
-        dx, du = np.empty((N + 1, nx)), np.empty((N, nu))
+        dx, du = empty((N + 1, nx)), empty((N, nu))
         dx[0] = 0.0 if dx0 is None else dx0
         _core.sweep_forward(A, B, law.K, law.C, c, dx, du, pattern)
     except (AttributeError, TypeError, ValueError):
@@ -451,7 +452,7 @@ def adjoint_along(
 ) -> Array:
     """Return what `adjoint` does, which looks through what the core does not take; for short iterations."""
     try:
-        z = np.empty((len(A) + 1, A.shape[1]))
+        z = empty((len(A) + 1, A.shape[1]))
         _core.sweep_adjoint(A, B, K, *gradient, z, pattern)
     except (AttributeError, TypeError, ValueError):
         return adjoint(A, B, K, *gradient, pattern=pattern)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.pool import empty
 from leastaction.optimal.discrete.charts import read_at
 from leastaction.optimal.discrete.cost import CostGradient
 from leastaction.optimal.discrete.descent import escape, minimise_model
@@ -245,12 +246,14 @@ class Models:
         linearization, gradient = self.linearize(), self.merit.gradient()
         A, B = linearization
         z = adjoint_along(A, B, direction.gain, gradient, linearization.pattern)
-        feedforward = -direction.C
+        feedforward = direction.C
         if direction.dx is not None and direction.du is not None:
-            feedforward = direction.du + np.einsum("kux,kx->ku", direction.gain, direction.dx[:-1])
+            feedforward = -direction.du - np.einsum("kux,kx->ku", direction.gain, direction.dx[:-1])
         # By the gains of the direction, its slope is that of the feedforward alone.
-        shares = feedforward * (gradient.r + (z[1:, None] @ B)[:, 0])
-        k, i = divmod(int(shares.argmin()), shares.shape[1])
+        shares = np.matmul(z[1:, None], B, out=empty(gradient.r.shape)[:, None])[:, 0]
+        shares += gradient.r
+        shares *= feedforward
+        k, i = divmod(int(shares.argmax()), shares.shape[1])
         return f"{self.system.input_name(i)!r} around {self.system.when(k)}"
 
 

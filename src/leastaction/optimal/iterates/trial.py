@@ -8,6 +8,7 @@ from math import isfinite
 import numpy as np
 
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.pool import empty
 from leastaction.numerics.step_quality import StepQuality, coarsest
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem
@@ -46,11 +47,11 @@ def try_projection(
     ``explain``: returns a better reason, if there is one, from the states up to where it ended.
     """
     xbar, ubar, gain = curve
-    x, u = np.empty_like(xbar), np.empty_like(ubar)
+    x, u = empty(xbar.shape), empty(ubar.shape)
     # What a cost is given cannot be written to.
     states, inputs = read_only(x), read_only(u)
     x[0] = x0
-    stage_values = np.empty(system.N)
+    stage_values = empty((system.N,))
     worst_here: StepQuality | None = None
     for start in range(0, system.N, chunk):
         stop = min(start + chunk, system.N)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.pool import copied, empty
 from leastaction.optimal.cost import is_diagonal, own_matrices
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import ModelHessian, same
@@ -92,8 +93,10 @@ class LimitedCost:
         q, r, q_final = gradient
         r = self.of_inputs.pulled(duals, r)
         if self.others or self.of_states.places.size:
-            whole = self.of_states.pulled(duals, np.concatenate([q, q_final[None]]))
-            r = r.copy() if r is gradient.r else r
+            whole = empty((len(q) + 1, self.nx))
+            whole[:-1], whole[-1] = q, q_final
+            whole = self.of_states.pulled(duals, whole)
+            r = copied(r) if r is gradient.r else r
             for each, jacobian in zip(self.others, jacobians, strict=True):
                 each.rows.add_gradient(jacobian, each.of(duals), whole, r)
             q, q_final = whole[:-1], whole[-1]
@@ -179,9 +182,9 @@ class LimitedCost:
 
 
 def _with(weight: Array, diagonal: Array) -> Array:
-    """Return a weight with a diagonal (N, n) of every stage added."""
+    """Return a weight with a diagonal (N, n) of every stage added, which may be written over."""
     if is_diagonal(weight):
-        of_stages: Array = (weight if weight.ndim == 1 else weight[:, :, 0]) + diagonal
+        of_stages = np.add(weight if weight.ndim == 1 else weight[:, :, 0], diagonal, out=diagonal)
         return of_stages[:, :, None]
     n = weight.shape[-1]
     full = own_matrices(weight, (len(diagonal), n, n))

@@ -15,6 +15,7 @@ import numpy as np
 from leastaction import _core
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import made
+from leastaction.numerics.pool import copied, empty, zeros
 from leastaction.optimal.limit_report import Barrier, LimitReport, LimitState
 from leastaction.optimal.limits.barrier import (
     Split,
@@ -108,7 +109,7 @@ class Duals:
         ``depths``: of all columns, what an excess of it may be at most, which is large for it then.
         """
         self.mu, columns = mu, self.layout.columns
-        seen = np.minimum(self.layout.largest(np.abs(c.flat)), depths)
+        seen = np.minimum(self.layout.largest(np.abs(c.flat, out=empty(c.flat.shape))), depths)
         seen = np.maximum(seen, 1e-6 * (1.0 + self._size))
         self.scale = Sided(np.where(self._known > 0.0, self._known, seen), columns)
         prices = price * np.where(self._alone, dearer, 1.0)
@@ -134,7 +135,8 @@ class Duals:
 
     def of_barrier(self, room: Room) -> Sided:
         """Return the duals of the barriers themselves, ``mu / s``."""
-        return Sided(self.mu / room.part.slack, self.layout)
+        slack = room.part.slack
+        return Sided(np.divide(self.mu, slack, out=empty(slack.shape)), self.layout)
 
     def stiffnesses(self, room: Room, most: float = np.inf) -> Sided:
         """Return ``-dy/dc`` of the primal-dual model, at most so much of the largest that may be, ``rho^2 / mu``."""
@@ -158,8 +160,10 @@ class Duals:
 
     def kept_near(self, y: Array, after: Room) -> Sided:
         """Return duals that are not too far from those of the barrier."""
-        still = Split(self.mu / y, np.ones_like(y))
-        return Sided(moved_duals(still, self.mu, self.prices, y, np.zeros_like(y), after.part), self.layout)
+        slack, excess = np.divide(self.mu, y, out=empty(y.shape)), empty(y.shape)
+        excess.fill(1.0)
+        moved = moved_duals(Split(slack, excess), self.mu, self.prices, y, zeros(y.shape), after.part)
+        return Sided(moved, self.layout)
 
     def settle_prices(self) -> None:
         """Take the prices and scales of all sides as they are now."""
@@ -185,15 +189,19 @@ class Duals:
     def settled(self, duals: Sided, room: Room) -> Sided:
         """Return duals; where they have not come near those of the barrier, these."""
         y, barrier = duals.flat, self.of_barrier(room).flat
-        return Sided(np.where(np.abs(np.log(y / barrier)) < _SETTLED, y, barrier), self.layout)
+        off = np.divide(y, barrier, out=empty(y.shape))
+        np.abs(np.log(off, out=off), out=off)
+        np.copyto(barrier, y, where=np.less(off, _SETTLED, out=empty(y.shape, np.bool_)))
+        return Sided(barrier, self.layout)
 
     def excess(self, c: Sided) -> float:
         """Return the largest violation of a limit, relative to its scale."""
-        return -float((c.flat / self.scales).min(initial=0.0))
+        parts: Array = np.divide(c.flat, self.scales, out=empty(c.flat.shape))
+        return -float(parts.min(initial=0.0))
 
     def cost_of_excess(self, c: Sided) -> float:
         """Return what the violations of all limits cost at their prices."""
-        return float(np.maximum(-c.flat, 0.0) @ self.prices)
+        return -float(np.minimum(c.flat, 0.0, out=empty(c.flat.shape)) @ self.prices)
 
     # ---- Prices ---------------------------------------------------------------------------------
 
@@ -225,7 +233,9 @@ class Duals:
 
     def hopeless(self) -> bool:
         """Whether some limit is not enforced though its price is the dearest there is."""
-        return bool((np.abs(self.net()) > _BINDING * self.prices).any())
+        beyond = np.multiply(self.prices, -_BINDING, out=empty(self.prices.shape))
+        beyond += np.abs(self.net(), out=empty(beyond.shape))
+        return bool(beyond.max(initial=0.0) > 0.0)
 
     def least_mu(self, digits: float) -> float:
         """Return the parameter below which the room that it leaves would be a part `digits` of a limit's size."""
@@ -240,7 +250,7 @@ class Duals:
         ``kept``: what an excess of an equation's scale goes on to cost, if it did, however small the dual.
         """
         layout, off = self.layout, np.nan if met is None else met
-        rho, y, self.prices = self.rho.flat.copy(), self.y.flat.copy(), np.empty_like(self.prices)
+        rho, y, self.prices = self.rho.flat.copy(), copied(self.y.flat), empty(self.prices.shape)
         dearer, self.dearest, self.cheapest = _core.price_limits(
             layout.column, self._other, self._equal, self._hard, self._dear, self.scale.flat, dearest, off, kept,
             c.flat, rho, y, self.prices,
@@ -294,10 +304,11 @@ class Duals:
         """
         least, layout, y = max(_ACTIVE * self.mu, np.sqrt(self.mu * abs(cost))), self.layout, duals.flat
         enough = np.maximum(least / self.scale.flat, _HARDLY * layout.largest(y))
-        active = (y > layout.spread(enough)) | self._in_equations
-        net = np.where(self._in_equations, y - y[self._other], y) if self._has_equations else y.copy()
+        active = np.greater(y, layout.spread(enough), out=empty(y.shape, np.bool_))
+        active |= self._in_equations
         # Copies: what is told outlives the run, and is saved.
-        value, dual, price = (read_only(each) for each in (c.flat.copy(), net, self.rho.flat.copy()))
+        told = c.flat, np.where(self._in_equations, y - y[self._other], y) if self._has_equations else y, self.rho.flat
+        value, dual, price = (read_only(copied(each)) for each in told)
         active.setflags(write=False)
         return tuple(
             made(

@@ -321,6 +321,8 @@ class BarrierMerit(Merit):
                     dc = None  # The duals of the last step will do.
             if dc is not None:
                 # They are those of where it leads to: near their bounds that is far from here in room.
-                room, after = after, self.duals.room(Sided(after.c.flat + dc.flat, dc.layout))
+                room, end = after, dc.layout.empty()
+                np.add(room.c.flat, dc.flat, out=end.flat)
+                after = self.duals.room(end)
                 duals = self.duals.moved(room, dc, after)
         return self.duals.settled(duals, after)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.pool import empty
 
 Entry = TypeVar("Entry", bound=np.generic)
 Indices = np.ndarray[tuple[int], np.dtype[np.intp]]
@@ -29,7 +30,7 @@ class SideLayout:
 
     def empty(self) -> Sided:
         """Return arrays to be written to."""
-        return Sided(np.empty(self.ends[-1]), self)
+        return Sided(empty((self.ends[-1],)), self)
 
     def filled(self, values: Sequence[Array | float]) -> Sided:
         """Return arrays with a value, or some to be broadcast, for each side."""
@@ -51,14 +52,16 @@ class SideLayout:
 
     def spread(self, values: NDArray[Entry]) -> NDArray[Entry]:
         """Return values of all columns, one after the other, for each of their entries."""
-        return np.asarray(values[self.column])
+        found: NDArray[Entry] = empty(self.column.shape, values.dtype)
+        return values.take(self.column, out=found, mode="clip")
 
     def largest(self, values: Array) -> Array:
         """Return the largest of the entries of every column, and of zero."""
         found = np.zeros(self.columns.ends[-1])
         order, filled, begins = self._by_column
         if len(filled):
-            found[filled] = np.maximum(np.maximum.reduceat(values if order is None else values[order], begins), 0.0)
+            sorted_values = values if order is None else values.take(order, out=empty(order.shape), mode="clip")
+            found[filled] = np.maximum(np.maximum.reduceat(sorted_values, begins), 0.0)
         return found
 
     @cached_property

@@ -9,6 +9,7 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import made
+from leastaction.numerics.pool import copied
 from leastaction.optimal.limit_report import Barrier, LimitReport
 from leastaction.optimal.limits.duals import Duals, Room
 from leastaction.optimal.limits.sides import Sided
@@ -116,9 +117,9 @@ class BarrierStages:
             tolerance=self.tolerance,
             first_mu=self.first_mu,
             last_mu=self.last,
-            duals=read_only(own.y.flat.copy()),
-            scale=read_only(own.scale.flat.copy()),
-            prices=read_only(own.rho.flat.copy()),
+            duals=read_only(copied(own.y.flat)),
+            scale=read_only(copied(own.scale.flat)),
+            prices=read_only(copied(own.rho.flat)),
             leeway=_joined(own.leeway.whole),
             part=own.leeway.part,
         )

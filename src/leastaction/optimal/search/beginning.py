@@ -11,6 +11,7 @@ import numpy as np
 from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.numerics.frozen import changed, made
+from leastaction.numerics.pool import copied
 from leastaction.optimal.iterates.curve import CurveSteps, Gapped
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.leeway import may_be_obstacle, stands_still
@@ -96,7 +97,9 @@ class Beginning:
         wanted = self.parts.asked.wanted_states
         if wanted is None or start.x.ndim > 1 or self.final_time is not None:
             return None
-        return Start(read_only(np.concatenate([start.x[None], wanted[1:]])), start.u)
+        x = copied(wanted)
+        x[0] = start.x
+        return made(Start, x=read_only(x), u=start.u)
 
     def _set_out_from(self, x: Array, u: Array) -> None:
         """Stand at a start without limits: a curve or its projection, whichever is asked for and can be."""

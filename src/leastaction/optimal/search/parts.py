@@ -10,6 +10,7 @@ import numpy as np
 
 from leastaction.errors import ProjectionError
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.pool import empty, zeros
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.own_projection import own_projection
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, told_of
@@ -132,7 +133,9 @@ class SearchParts:
         N, ndx, nu = self.system.N, self.system.ndx, self.system.nu
         made: Rollout | None = None
         if x.ndim == 1:
-            made = projection_of(self.models, np.repeat(x[None], N + 1, axis=0), u, np.zeros((N, nu, ndx)))
+            still = empty((N + 1, len(x)))
+            still[...] = x
+            made = projection_of(self.models, still, u, zeros((N, nu, ndx)))
             x = made.x
         self.stand_along(x, u, made)
         if not np.isfinite(self.here.value):
