@@ -9,7 +9,7 @@ import numpy as np
 from leastaction.numerics.arrays import read_only
 from leastaction.numerics.pool import Pool, copied, empty, zeros
 
-SHAPE = (64, 32)
+SHAPE = (640, 3)
 
 
 def test_what_somebody_holds_is_not_lent_again() -> None:

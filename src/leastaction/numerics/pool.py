@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import threading
 from collections import defaultdict
-from math import prod
 from sys import getrefcount
 from types import TracebackType
 from typing import Any
@@ -17,7 +16,7 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 
-_SMALL = 1024  # numbers of an array below which fresh memory is quicker than to look for some
+_FEW = 512  # rows of an array below which fresh memory is quicker than to look for some
 
 
 def _is_held(arrays: list[Any], i: int) -> bool:
@@ -64,7 +63,9 @@ _active = threading.local()
 
 def empty(shape: tuple[int, ...], dtype: Any = np.float64) -> Any:
     """Return an array, not initialised: from the pool of the run that goes on in this thread, if there is one."""
-    pool: Pool | None = getattr(_active, "pool", None) if prod(shape) >= _SMALL else None
+    if shape[0] < _FEW:
+        return np.empty(shape, dtype)
+    pool: Pool | None = getattr(_active, "pool", None)
     return np.empty(shape, dtype) if pool is None else pool.empty(shape, dtype)
 
 

@@ -184,8 +184,8 @@ class LimitedCost:
 def _with(weight: Array, diagonal: Array) -> Array:
     """Return a weight with a diagonal (N, n) of every stage added, which may be written over."""
     if is_diagonal(weight):
-        of_stages = np.add(weight if weight.ndim == 1 else weight[:, :, 0], diagonal, out=diagonal)
-        return of_stages[:, :, None]
+        diagonal += weight if weight.ndim == 1 else weight[:, :, 0]
+        return diagonal[:, :, None]
     n = weight.shape[-1]
     full = own_matrices(weight, (len(diagonal), n, n))
     full[:, np.arange(n), np.arange(n)] += diagonal
