@@ -356,10 +356,11 @@ class Optimizer:
         system, cost, settings = cast(ContinuousSystem, self.system), cast(ContinuousCost, self.cost), self.options
         if settings.shooting == "multiple":
             raise ArgumentError(f"shooting: got {settings.shooting!r} for a continuous system, expected 'single'")
-        if system.charts() is not None:
+        check_space(cost, system)
+        if system.space is None and system.charts() is not None:
             raise ArgumentError(
-                f"system: got a {type(system).__name__} whose states are no plain vectors, expected plain ones in "
-                "continuous time; in steps of time, DiscreteSystem, they may be any"
+                f"system: got a {type(system).__name__} with a difference of states of its own, expected `space` in "
+                "continuous time, where the numbers of states are steered"
             )
         accuracy = settings.accuracy or Accuracy()
         if self.unknowns or any(isinstance(limit, Periodic) for limit in self.limits):

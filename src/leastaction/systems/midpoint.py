@@ -35,11 +35,11 @@ from leastaction.numerics.public import public
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, check_window
 from leastaction.optimal.quantity import Quantity
-from leastaction.optimal.space import ProductSpace, Rotations, StateSpace, Vectors
 from leastaction.optimal.system import FINAL_TIME, Linearization
 from leastaction.systems.quantities.discrete import ACROSS, KINDS, quantity_of
 from leastaction.systems.quantities.physical import conditions_of
 from leastaction.systems.saving import dataset_with_multipliers
+from leastaction.systems.state_space import space_of_states
 
 _RESOLVED = 0.7  # angle (rad) by which a variable may turn within a step that follows its motion
 _OFF = 1e-6  # about the distance from the constraints at which a motion may begin, as far as rounded numbers go
@@ -79,7 +79,7 @@ class MidpointSystem(DiscreteSystem):
         self.multipliers = multipliers
         self.nx = m.nx + (m.nc if multipliers else 0)
         self.nu = m.n_inputs + m.nrho
-        self.space = _space_of(m, multipliers=multipliers)
+        self.space = space_of_states(m, beside=m.nc if multipliers else 0)
         self.N = len(self.t) - 1
         self.first_share = 1.0
         self._pattern = step_pattern(m, multipliers=multipliers)
@@ -519,19 +519,3 @@ def _memory_of(out: Linearization | None) -> StepDerivatives | None:
             f"out: got a linearization with the memory {type(memory).__name__}, expected one that this system returned"
         )
     return memory
-
-
-def _space_of(m: Mechanism, *, multipliers: bool) -> StateSpace | None:
-    """Return where the states of a mechanism live; None where they are plain vectors."""
-    if not m.tree.rotations:
-        return None
-    firsts = {rotation.quaternion[0] for rotation in m.tree.rotations}
-    parts: list[StateSpace] = []
-    plain, i = 0, 0
-    while i < m.nq:
-        if m.coordinates[i] in firsts:
-            parts += [Vectors(plain), Rotations()] if plain else [Rotations()]
-            plain, i = 0, i + 4
-        else:
-            plain, i = plain + 1, i + 1
-    return ProductSpace(*parts, Vectors(plain + m.nv + (m.nc if multipliers else 0)))
