@@ -46,8 +46,7 @@ def cartwheel() -> dict[str, np.ndarray]:
     s = T / T[-1]
     rise = np.clip(np.minimum(s, 1.0 - s) / 0.3, 0.0, 1.0)
     up, wheel = (x * x * (3.0 - 2.0 * x) for x in (rise, np.clip((s - 0.15) / 0.7, 0.0, 1.0)))
-    sizes = dict(zip(LIMBS, (2.9, -2.9, 0.6, -0.6), strict=True))
-    turns = {"pelvis": 2.0 * np.pi * wheel} | {name: size * up for name, size in sizes.items()}
+    turns = dict(zip(("pelvis", *LIMBS), (2.0 * np.pi * wheel, 2.9 * up, -2.9 * up, 0.6 * up, -0.6 * up), strict=True))
     about_y = {name: Rotation.from_euler("y", angle[:, None]) for name, angle in turns.items()}
     wanted = {name: turn.as_quat(scalar_first=True) for name, turn in about_y.items()}
     wanted |= {f"{name} bend": (0.3 if "arm" in name else -0.3) * (1.0 - up) for name in LIMBS}
