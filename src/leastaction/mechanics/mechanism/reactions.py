@@ -14,6 +14,7 @@ import numpy as np
 
 from leastaction import _core
 from leastaction.mechanics.description.frames import rx, ry, rz, tx, ty, tz
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.path_motion import poses_of
 from leastaction.numerics.arrays import Array
@@ -28,6 +29,7 @@ def reactions(m: Mechanism, q: Array, v: Array, a: Array, u: Array, lam: Array) 
     nc): multipliers, of which the force is ``Dh^T lam``. Of each: the force (N), then the torque (N m) about the origin
     of the frame, in world axes, with which what is before the joint acts on what is behind it.
     """
+    angles_only(m, "reactions")
     cut = _cut(m)
     column = {name: i for i, name in enumerate(cut.variables)}
     places = [column[name] for name in m.variables]
