@@ -119,6 +119,10 @@ def calls() -> dict[str, Call]:
             lambda **given: limited(systems.Oriented(**given)),
             {"frame": "B", "rotation": np.eye(3), "within": 3.0, "at": "end"},
         ),
+        "Pointing": (
+            lambda **given: limited(systems.Pointing(**given)),
+            {"frame": "B", "axis": [1.0, 0.0, 0.0], "towards": [0.0, 0.0, 1.0], "within": 3.0, "at": "end"},
+        ),
         "HelpedCost": (optimal.HelpedCost, {"cost": price(), "columns": np.array([0]), "price": np.array([2.0])}),
         "WindowCost": (optimal.WindowCost, {"cost": price(), "start": 1, "stop": 3, "N": 5, "nu": 1}),
         "WindowSystem": (optimal.WindowSystem, {"system": steps(), "start": 1, "stop": 3}),
