@@ -69,6 +69,7 @@ struct Constants {
     std::vector<Point> points;
     std::vector<Point> directions;  // vectors fixed in the frame behind a joint: they turn, but do not move
     std::vector<double> numbers;    // of the elements, by slot
+    int time_slot = -1;             // of the number that is the time, where an element asks for it
 
     double number(int slot) const { return numbers[slot]; }
 };
@@ -81,6 +82,7 @@ public:
     std::vector<double> angle, sine, cosine;  // work space of place()
     const double* numbers;                    // of the elements; others may stand for those of the mechanism
     const double* number_slopes = nullptr;    // duals only: the direction in the space of the numbers
+    double time = 0, time_slope = 0;          // which the number in the time's slot is (s); its slope for duals only
 
     explicit Placement(const Constants& constants)
         : pose(constants.joints.size()),
@@ -104,10 +106,12 @@ public:
         return pose[fixed.joint].R * fixed.offset;
     }
     T number(int slot) const {
+        const bool timed = slot == constants_->time_slot;
+        const double value = timed ? time : numbers[slot];
         if constexpr (std::is_same_v<T, double>)
-            return numbers[slot];
+            return value;
         else
-            return {numbers[slot], number_slopes ? number_slopes[slot] : 0.0};
+            return {value, timed ? time_slope : number_slopes ? number_slopes[slot] : 0.0};
     }
 
 private:

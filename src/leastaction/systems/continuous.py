@@ -70,7 +70,9 @@ class MechanismSystem(ContinuousSystem):
         m = self.mechanism
         nq, nd = m.nq, m.nd
         points = points_of(self.mechanism, x, u)
-        out = self.dynamics.core.accelerations(*points, self.dynamics.threads)
+        out = self.dynamics.core.accelerations(
+            *points, self.dynamics.threads, np.ascontiguousarray(t, dtype=np.float64)
+        )
         if out.solved != len(x):
             self._explain(points, t)
         rates = np.empty((len(x), 2 * nq))
@@ -85,6 +87,8 @@ class MechanismSystem(ContinuousSystem):
         kind = type(self)
         if kind.rates is not MechanismSystem.rates or kind.f is not MechanismSystem.f:
             return 0  # its own rates count
+        if self.mechanism.core.timed:
+            return 0  # the core goes on without the time
         return self.dynamics.core.roll_out_pieces(h, matrix, *reference, K, z, u)
 
     def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:

@@ -21,12 +21,12 @@ from leastaction.numerics.arrays import Array
 _CUTS = (tx, ty, tz, rx, ry, rz)
 
 
-def reactions(m: Mechanism, q: Array, v: Array, a: Array, u: Array, lam: Array) -> dict[str, Array]:
+def reactions(m: Mechanism, q: Array, v: Array, a: Array, u: Array, lam: Array, t: Array) -> dict[str, Array]:
     """Return the wrenches (N, 6) in all joints, by the name of the frame that each moves.
 
     ``q``, ``v``, ``a`` (N, nq): configurations, velocities and accelerations. ``u`` (N, n_inputs): inputs. ``lam`` (N,
-    nc): multipliers, of which the force is ``Dh^T lam``. Of each: the force (N), then the torque (N m) about the origin
-    of the frame, in world axes, with which what is before the joint acts on what is behind it.
+    nc): multipliers, of which the force is ``Dh^T lam``. ``t`` (N,): times (s). Of each: the force (N), then the torque
+    (N m) about the origin of the frame, in world axes, with which what is before the joint acts on what is behind it.
     """
     cut = _cut(m)
     column = {name: i for i, name in enumerate(cut.variables)}
@@ -37,7 +37,15 @@ def reactions(m: Mechanism, q: Array, v: Array, a: Array, u: Array, lam: Array) 
     equations = [m.constraints.index(name) for name in cut.constraints]
     dynamics = _core.Continuous(cut.core, 0.0, 0.0)
     forces = np.asarray(
-        dynamics.inverse_dynamics(at, speed, rate, np.ascontiguousarray(u), np.ascontiguousarray(lam[:, equations]), 1)
+        dynamics.inverse_dynamics(
+            at,
+            speed,
+            rate,
+            np.ascontiguousarray(u),
+            np.ascontiguousarray(lam[:, equations]),
+            1,
+            np.ascontiguousarray(t),
+        )
     )
     joints, found = m.core.joint_poses(np.ascontiguousarray(q)), {}
     for index, placed in enumerate(m.tree.frames):
