@@ -60,7 +60,8 @@ public:
         const std::size_t N = q.shape(0), nq = m.n_variables(), nc = m.n_constraints();
         const Points points{q, v, u, a, t};
         if (t) expect(t->size(), N, "t");
-        for (const auto* x : {&q, &v, &a}) expect(x->size(), N * nq, "q, v or a");
+        expect(q.size(), N * m.n_configuration(), "q");
+        for (const auto* x : {&v, &a}) expect(x->size(), N * nq, "v or a");
         expect(u.size(), N * m.n_inputs, "u");
         expect(lam.size(), N * nc, "lam");
         Out out = new_array({N, nq});
@@ -150,6 +151,7 @@ public:
     int roll_out_pieces(const In<1>& h, const In<2>& matrix, const In<2>& xbar, const In<2>& ubar, const In<3>& K,
                         const Out& z, const Out& u) {
         const Mechanism& m = *mechanism_;
+        expect_no_balls(m, "a simulation in pieces");
         const std::size_t N = h.size(), points = matrix.shape(0), nx = m.n_states();
         const std::size_t nu = points * m.n_controls(), nz = points * nx + nu;
         expect(matrix.shape(1), points, "matrix");
@@ -181,7 +183,7 @@ private:
     std::size_t check(const Points& points) const {
         const Mechanism& m = *mechanism_;
         const std::size_t N = points.q.shape(0);
-        expect(points.q.size(), N * m.n_variables(), "q");
+        expect(points.q.size(), N * m.n_configuration(), "q");
         expect(points.v.size(), N * m.n_variables(), "v");
         expect(points.u.size(), N * m.n_inputs, "u");
         expect(points.rho_a.size(), N * m.n_kinematic, "rho_a");
@@ -199,10 +201,8 @@ private:
     void load(Continuous& at, const Points& points, std::size_t k) const {
         const Mechanism& m = *mechanism_;
         const std::size_t nq = m.n_variables();
-        for (std::size_t i = 0; i < nq; ++i) {
-            at.q[i] = points.q.data()[k * nq + m.external[i]];
-            at.v[i] = points.v.data()[k * nq + m.external[i]];
-        }
+        write_configuration(m, points.q.data() + k * m.n_configuration(), at.q);
+        for (std::size_t i = 0; i < nq; ++i) at.v[i] = points.v.data()[k * nq + m.external[i]];
         std::copy_n(points.u.data() + k * m.n_inputs, m.n_inputs, at.u.begin());
         at.t = points.t ? points.t->data()[k] : 0.0;
     }

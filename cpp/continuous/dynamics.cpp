@@ -43,7 +43,8 @@ Continuous::Continuous(std::shared_ptr<const Mechanism> mechanism, double dampin
       along_v_(*mechanism_),
       along_mu_(*mechanism_),
       constraints_along_v_(nc_) {
-    for (auto* x : {&q, &v, &a, &f_}) x->assign(nq_, 0.0);
+    q.assign(mechanism_->n_coordinates(), 0.0);
+    for (auto* x : {&v, &a, &f_}) x->assign(nq_, 0.0);
     u.assign(nu_, 0.0);
     for (auto* x : {&lam, &g_}) x->assign(nc_, 0.0);
     C_.assign(static_cast<std::size_t>(nc_) * nq_, 0.0);
@@ -53,8 +54,8 @@ Continuous::Continuous(std::shared_ptr<const Mechanism> mechanism, double dampin
         if (i < nd_) of_rotors_[i] += inertia;
     });
     mu_.assign(nq_ + nc_, 0.0);
-    for (auto* x : {&q_along_v_, &q_along_mu_}) x->resize(nq_);
-    q_along_motion_.resize(nq_);
+    for (auto* x : {&q_along_v_, &q_along_mu_}) x->resize(q.size());
+    q_along_motion_.resize(q.size());
     for (const int joint : mechanism_->constraint_joints)
         if (joint >= mechanism_->n_massive &&
             std::find(massless_joints_.begin(), massless_joints_.end(), joint) == massless_joints_.end())
@@ -86,6 +87,7 @@ void Continuous::constraint_rows(bool derivatives) {
     std::fill(C_.begin(), C_.end(), 0.0);
     if (derivatives) {
         for (int i = 0; i < nq_; ++i) q_along_v_[i] = {q[i], v[i]};
+        hold_rotations(q_along_v_);
         place(m.constraint_joints, q_along_v_.data(), along_v_);
     }
     for (int c = 0; c < nc_; ++c) {
@@ -130,6 +132,7 @@ int Continuous::singular_variable() const {
 
 MotionReport Continuous::solve(bool derivatives) {
     MotionReport report;
+    change_accelerations(-1.0);
     std::fill(a.begin(), a.begin() + nd_, 0.0);
     bodies_.move(q.data(), v.data());
     bodies_.forces(a.data());
@@ -167,11 +170,17 @@ bool Continuous::factor_mass_matrix() {
     return newton_.factor(C_.data(), C_.data(), nq_) && singular_variable() < 0;
 }
 
-MotionReport Continuous::accelerate() { return solve(false); }
+MotionReport Continuous::accelerate() {
+    const MotionReport report = solve(false);
+    change_accelerations(1.0);
+    return report;
+}
 
 void Continuous::inverse_dynamics(std::vector<double>& needed) {
     bodies_.move(q.data(), v.data());
+    change_accelerations(-1.0);
     bodies_.forces(a.data());
+    change_accelerations(1.0);
     add_elements();
     for (int i = 0; i < nq_; ++i) needed[i] = bodies_.r[i] - f_[i];
     for (int c = 0; c < nc_; ++c) {

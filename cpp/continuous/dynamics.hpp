@@ -9,11 +9,15 @@
 //
 // Derivatives are by th = [q | v | u | rho_a]. Of the bodies they come from newton_euler.hpp; of the constraints from their
 // third order along v, and for the second derivatives from their fourth order along the motion q + v s + a s^2/2.
+//
+// Where a rotation is a quaternion, its three rates are the body's angular velocity, a their derivatives by time, and derivatives
+// by q are by turns in the body: the kernel's are turned at the end (turned.hpp).
 #pragma once
 
 #include <memory>
 #include <vector>
 
+#include "continuous/turned.hpp"
 #include "dynamics/newton_euler.hpp"
 #include "dynamics/newton_matrix.hpp"
 #include "numerics/aligned.hpp"
@@ -35,7 +39,8 @@ public:
     // Damping and stiffness of constraints: d (1/s) and s (1/s^2) above.
     Continuous(std::shared_ptr<const Mechanism> mechanism, double damping, double stiffness);
 
-    // Before a call: q, v, u, the kinematic part of a, and the time (s). The rest of a and lam are results.
+    // Before a call: q, v, u, the kinematic part of a, and the time (s). The rest of a and lam are results. Of q the
+    // quaternions of balls stand behind the variables.
     std::vector<double> q, v, u, a, lam;
     double t = 0;
 
@@ -67,6 +72,17 @@ private:
     void force_curvature();
     void constraint_curvature();
     int singular_variable() const;
+    // Of a, between the derivatives of angular velocities and those of the kernel's coordinates twice.
+    void change_accelerations(double sign);
+    TurnedPoint turned_point(const Ball& ball) const;
+    void turn_columns(double* of, std::size_t rows, std::size_t stride) const;
+    void turn_slopes();
+    void turn_curvature(const double* z_a, const double* z_lam);
+    // The quaternions of q behind the variables of a point that moves along a direction.
+    template <class T>
+    void hold_rotations(std::vector<T>& of) const {
+        for (std::size_t i = nq_; i < q.size(); ++i) of[i] = q[i];
+    }
     ForcePoint<double> force_point() const { return {bodies_.at, q.data(), v.data(), u.data()}; }
 
     std::shared_ptr<const Mechanism> mechanism_;
@@ -95,6 +111,7 @@ private:
         mu_;  // of the equations, the dynamic ones by variable (zero for kinematic ones), then constraints
     NewtonMatrix::Matrix Z_;        // Hessian of mu.equations by (a, lam) and q
     NewtonMatrix::Matrix product_;  // Y'Z
+    AlignedVector kernel_Y_;        // Y before it was turned, where a rotation is a quaternion
 };
 
 }  // namespace leastaction

@@ -1,4 +1,5 @@
-// Derivatives of the equations of motion at a point: of first order, and the second order contracted with weights.
+// Derivatives of the equations of motion at a point: of first order, and the second order contracted with weights. What
+// rotations that are quaternions add to them is in turned_dynamics.cpp.
 #include <algorithm>
 
 #include "continuous/dynamics.hpp"
@@ -31,6 +32,7 @@ MotionReport Continuous::differentiate() {
     add_force_derivatives();
     add_constraint_derivatives();
     newton_.solve(Y.data(), Y.data() + static_cast<std::size_t>(nd_) * ld_, n_theta_, ld_);
+    if (!mechanism_->balls.empty()) turn_slopes();
     return report;
 }
 
@@ -87,6 +89,7 @@ void Continuous::curvature(const double* z_a, const double* z_lam) {
     Z_.setZero(nd_ + nc_, nq_);
     // M and the system are symmetric but for the sign of the multipliers: F_y' (x, y) = z with y the negative of what the
     // solver calls l, for the right-hand side (z_a, -z_lam).
+    change_accelerations(-1.0);
     std::fill(mu_.begin(), mu_.end(), 0.0);
     for (int i = 0; i < nd_; ++i) mu_[i] = -z_a[i];
     for (int c = 0; c < nc_; ++c) mu_[nq_ + c] = z_lam[c];
@@ -116,6 +119,7 @@ void Continuous::curvature(const double* z_a, const double* z_lam) {
     const Mechanism& m = *mechanism_;
     if (!m.potentials.empty() || !m.forces.empty() || nc_ > 0) {
         for (int i = 0; i < nq_; ++i) q_along_mu_[i] = {q[i], mu_[i]};
+        hold_rotations(q_along_mu_);
         place(m.element_joints, q_along_mu_.data(), along_mu_);
     }
     for_each_entry(m.potentials, along_mu_, q_along_mu_.data(), dual_local_,
@@ -125,16 +129,20 @@ void Continuous::curvature(const double* z_a, const double* z_lam) {
 
     // H + Y'Z on the columns of q, and its mirror image where that lies below the diagonal too: in the block of q.
     Eigen::Map<NewtonMatrix::Matrix> all(H.data(), n, n);
-    const Eigen::Map<const NewtonMatrix::Matrix> y(Y.data(), nd_ + nc_, ld_);
+    const AlignedVector& slopes = m.balls.empty() ? Y : kernel_Y_;
+    const Eigen::Map<const NewtonMatrix::Matrix> y(slopes.data(), nd_ + nc_, ld_);
     product_.noalias() = y.leftCols(n).transpose() * Z_;
     all.leftCols(nq_) += product_;
     all.topLeftCorner(nq_, nq_) += product_.topRows(nq_).transpose();
+    if (!m.balls.empty()) turn_curvature(z_a, z_lam);
+    change_accelerations(1.0);
 }
 
 void Continuous::force_curvature() {
     const Mechanism& m = *mechanism_;
     const std::size_t width = n_theta_;
     for (int i = 0; i < nq_; ++i) q_along_v_[i] = {q[i], v[i]};
+    hold_rotations(q_along_v_);
     place(m.force_joints, q_along_v_.data(), along_v_);
     const ForceDirections directions{along_v_, along_mu_, q_along_v_.data(), q_along_mu_.data(), mu_.data()};
     for (const auto& force : m.forces) {
@@ -158,6 +166,7 @@ void Continuous::constraint_curvature() {
     place(m.constraint_joints, q_along_mu_.data(), along_mu_);
     if (!along_motion_) along_motion_ = std::make_unique<Placement<HyperDual>>(m);
     for (int i = 0; i < nq_; ++i) q_along_motion_[i] = {{q[i], v[i]}, {v[i], a[i]}};
+    hold_rotations(q_along_motion_);
     place(m.constraint_joints, q_along_motion_.data(), *along_motion_);
     for (int c = 0; c < nc_; ++c) {
         const auto& constraint = *m.constraints[c];

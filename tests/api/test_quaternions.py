@@ -14,7 +14,6 @@ import leastaction
 from leastaction.errors import ArgumentError, DescriptionError
 from leastaction.mechanics import (
     BodyWrench,
-    ContinuousDynamics,
     Damping,
     Gravity,
     JointForce,
@@ -144,7 +143,6 @@ def test_what_is_not_there_says_so() -> None:
     q, v = m.configuration(), np.zeros(m.nv)
     vi, run = MidpointVI(m), moved(m)
     asked: list[Callable[[], Any]] = [
-        lambda: ContinuousDynamics(m),
         lambda: equilibrium(m, q),
         lambda: project_configuration(m, q),
         lambda: configuration_by(m, q, ["base.mass"]),

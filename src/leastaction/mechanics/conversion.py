@@ -20,6 +20,8 @@ the range of ``M^-1 Dh^T``, which the projection onto ``Dh v = 0`` in the metric
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -31,6 +33,7 @@ from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, In
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import SimulationStatus, Trajectory
 from leastaction.mechanics.mechanism.arguments import check_same_names
+from leastaction.mechanics.mechanism.kinematics import Kinematics
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_flag, as_number, as_times, require_instance
 from leastaction.numerics.public import public
@@ -88,7 +91,7 @@ def to_discrete(
     inputs = trajectory.input(0.5 * (times[1:] + times[:-1]))[:, : m.n_inputs]
     if not sampled:
         start = integrator.start(q[0], v[0], t=float(times[0]))
-        return integrator.simulate(start, times, inputs=inputs, rho=q[:, nd:])
+        return integrator.simulate(start, times, inputs=inputs, rho=q[:, m.nq - m.nrho :])
     u = trajectory.input(times)
     lam = np.empty((len(times), m.nc))
     if m.nc:
@@ -97,7 +100,7 @@ def to_discrete(
     p = to_momentum(m, q, v)
     for k in range(1, len(times) if m.nc else 0):
         p[k] -= 0.5 * dt[k - 1] * (m.constraint_jacobian(q[k])[:, :nd].T @ lam[k])
-    v_rho = np.vstack([v[:1, nd:], np.diff(q[:, nd:], axis=0) / dt[:, None]])
+    v_rho = np.vstack([v[:1, nd:], np.diff(q[:, m.nq - m.nrho :], axis=0) / dt[:, None]])
     impulses = -0.5 * (dt + np.concatenate([[0.0], dt[:-1]]))[:, None] * lam[:-1]
     message = "sampled from a motion in continuous time"
     return Trajectory(m, times, q, inputs, impulses, p=p, v_rho=v_rho, message=message)
@@ -143,11 +146,13 @@ def to_continuous(run: Trajectory, *, dynamics: ContinuousDynamics | None = None
         np.maximum(worst, np.abs(rates(m, *pair)), out=worst)
     from scipy.interpolate import CubicHermiteSpline  # slow to import
 
-    spline = CubicHermiteSpline(run.t, run.q, v)
+    kinematics = Kinematics(m)
+    spline = CubicHermiteSpline(run.t, run.q, kinematics.rates(run.q, v))
     slope = spline.derivative()
 
     def dense(t: float) -> Array:
-        return np.concatenate([spline(t), slope(t)])
+        q = spline(t)
+        return np.concatenate([kinematics.on_space(q), kinematics.changes(q) @ slope(t)])
 
     return ContinuousTrajectory(
         m,
@@ -175,7 +180,8 @@ def gain_to_discrete(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, K: ArrayL
     """Return the gains on the discrete state that do what given ones do on the continuous state.
 
     Both as ``u = ubar - K (x - xbar)``, with ``x = [q; rho; v; v_rho]``, ``u = [inputs; rho_a]`` there and
-    ``x = [q; rho; p; v_rho]``, ``u = [inputs; rho_next]`` here.
+    ``x = [q; rho; p; v_rho]``, ``u = [inputs; rho_next]`` here. Where a rotation is a quaternion, gains there are by
+    the numbers of the state, and those here by differences of states: (n_inputs + nrho, ndx).
 
     Deviations of the states are related by the Jacobian T of the Legendre transform, so a force input has the
     gain ``K_u T^-1``. For a prescribed variable the second difference is the acceleration,
@@ -185,7 +191,7 @@ def gain_to_discrete(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, K: ArrayL
     Parameters
     ----------
     mechanism : Mechanism
-    q, v : array_like, shape (nq,) or (N, nq)
+    q, v : array_like, shape (nq,) and (nv,), or (N, nq) and (N, nv)
         The reference motion.
     K : array_like, shape (n_inputs + nrho, nx) or (N, n_inputs + nrho, nx)
         Gains in continuous time.
@@ -201,7 +207,7 @@ def gain_to_discrete(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, K: ArrayL
     require_instance(mechanism, "mechanism", Mechanism)
     m, h = mechanism, as_number(dt, "dt", above=0.0, below=_LONGEST)
     T = legendre_jacobian(m, q, v)
-    gains = _gains(m, K, T)
+    gains = _gains(m, K, T, m.nx) @ _state_directions(m, q)
     # K T^-1, from the right.
     result = np.swapaxes(solve_mass(np.swapaxes(T, -1, -2), np.swapaxes(gains, -1, -2)), -1, -2)
     result[..., m.n_inputs :, :] = h**2 * result[..., m.n_inputs :, :] - _extrapolation(m, h)
@@ -217,7 +223,7 @@ def gain_to_continuous(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, K: Arra
     Parameters
     ----------
     mechanism : Mechanism
-    q, v : array_like, shape (nq,) or (N, nq)
+    q, v : array_like, shape (nq,) and (nv,), or (N, nq) and (N, nv)
         The reference motion; `to_velocity` has v from discrete momenta.
     K : array_like, shape (n_inputs + nrho, nx) or (N, n_inputs + nrho, nx)
         Gains in discrete time.
@@ -227,22 +233,43 @@ def gain_to_continuous(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, K: Arra
     require_instance(mechanism, "mechanism", Mechanism)
     m, h = mechanism, as_number(dt, "dt", above=0.0, below=_LONGEST)
     T = legendre_jacobian(m, q, v)
-    gains = _gains(m, K, T).copy()
+    gains = _gains(m, K, T, m.ndx).copy()
     gains[..., m.n_inputs :, :] = (gains[..., m.n_inputs :, :] + _extrapolation(m, h)) / h**2
-    result: Array = gains @ T
+    result: Array = gains @ T @ _state_changes(m, q)
     return result
 
 
 def _extrapolation(m: Mechanism, dt: float) -> Array:
     """Return E (nrho, nx): ``rho + dt v_rho`` of a state."""
-    E = np.zeros((m.nrho, m.nx))
-    E[:, m.nd : m.nq] = np.eye(m.nrho)
-    E[:, m.nq + m.nd :] = dt * np.eye(m.nrho)
+    E = np.zeros((m.nrho, m.ndx))
+    E[:, m.nd : m.nv] = np.eye(m.nrho)
+    E[:, m.nv + m.nd :] = dt * np.eye(m.nrho)
     return E
 
 
-def _gains(m: Mechanism, K: ArrayLike, T: Array) -> Array:
-    return as_array(K, "K", (*T.shape[:-2], m.n_inputs + m.nrho, m.nx))
+def _state_directions(m: Mechanism, q: ArrayLike) -> Array:
+    """Return how states (nx,) move with their differences (ndx,), for each configuration."""
+    kinematics = Kinematics(m)
+    return _beside_velocities(m, q, kinematics.directions) if kinematics.curved else np.eye(m.nx)
+
+
+def _state_changes(m: Mechanism, q: ArrayLike) -> Array:
+    """Return how differences of states (ndx,) change with their numbers (nx,), for each configuration."""
+    kinematics = Kinematics(m)
+    return _beside_velocities(m, q, kinematics.changes) if kinematics.curved else np.eye(m.nx)
+
+
+def _beside_velocities(m: Mechanism, q: ArrayLike, of: Callable[[Array], Array]) -> Array:
+    values = as_array(q, "q")
+    blocks = np.array([of(row) for row in values.reshape(-1, m.nq)])
+    rows, columns = blocks.shape[1:]
+    out = np.zeros((len(blocks), rows + m.nv, columns + m.nv))
+    out[:, :rows, :columns], out[:, rows:, columns:] = blocks, np.eye(m.nv)
+    return out.reshape(*values.shape[:-1], *out.shape[1:])
+
+
+def _gains(m: Mechanism, K: ArrayLike, T: Array, columns: int) -> Array:
+    return as_array(K, "K", (*T.shape[:-2], m.n_inputs + m.nrho, columns))
 
 
 def _slopes(values: Array, t: Array) -> tuple[Array, Array]:

@@ -68,6 +68,21 @@ class StateSpace(ABC):
     def difference_curvature(self, x: Array, xbar: Array, w: Array) -> Array:
         """Return the second derivatives (..., ndx, ndx) of ``w . difference(plus(x, dx), xbar)``; w (..., ndx)."""
 
+    def changes(self, x: Array) -> Array:
+        """Return the derivatives (..., ndx, nx) of ``difference(y, x)`` by the numbers of y at x.
+
+        Numbers may be of no state, as those of a quaternion that an integrator has made longer. Left out, as here, what
+        is across the states is without effect.
+        """
+        N = self.plus_derivative(x)
+        return np.asarray(np.linalg.pinv(N))
+
+    def changes_curvature(self, x: Array, w: Array) -> Array:
+        """Return the second derivatives (..., nx, nx) of ``w . difference(y, x)`` by the numbers of y at x."""
+        back = self.changes(x)
+        bent = self.plus_curvature(x, np.einsum("...ia,...i->...a", back, w))
+        return np.asarray(-np.swapaxes(back, -1, -2) @ bent @ back)
+
     @property
     def pattern(self) -> Pattern:
         """Which entries (nx, ndx) of a state a direction may move: all of them, if nothing else is known."""
@@ -100,6 +115,12 @@ class Vectors(StateSpace):
         return np.broadcast_to(np.eye(self.nx), (*x.shape, self.nx))
 
     def difference_curvature(self, x: Array, xbar: Array, w: Array) -> Array:  # noqa: ARG002
+        return np.zeros((*x.shape, self.nx))
+
+    def changes(self, x: Array) -> Array:
+        return np.broadcast_to(np.eye(self.nx), (*x.shape, self.nx))
+
+    def changes_curvature(self, x: Array, w: Array) -> Array:  # noqa: ARG002
         return np.zeros((*x.shape, self.nx))
 
     @property
@@ -137,6 +158,16 @@ class Rotations(StateSpace):
 
     def difference_curvature(self, x: Array, xbar: Array, w: Array) -> Array:
         return rotations.logarithm_curvature(self.difference(x, xbar), w)
+
+    def changes(self, x: Array) -> Array:
+        return np.asarray(2.0 * _from(x)[..., 1:, :])
+
+    def changes_curvature(self, x: Array, w: Array) -> Array:
+        # x^-1 y = (1 + s, v) is the rotation by 2 v / (1 + s) + O(|v|^3), whatever its length.
+        back = _from(x)
+        along = np.einsum("...a,...aj->...j", -2.0 * np.asarray(w), back[..., 1:, :])
+        bent = back[..., 0, :, None] * along[..., None, :]
+        return np.asarray(bent + np.swapaxes(bent, -1, -2))
 
     def check(self, x: Array, what: str) -> None:
         length = np.linalg.norm(x, axis=-1)
@@ -195,6 +226,17 @@ class ProductSpace(StateSpace):
         each = zip(self.parts, self._at, self._moved, strict=True)
         found = [part.difference_curvature(x[..., at], xbar[..., at], w[..., by]) for part, at, by in each]
         return self._blocks(found, self._moved)
+
+    def changes(self, x: Array) -> Array:
+        found = [np.swapaxes(part.changes(x[..., at]), -1, -2) for part, at in self._each()]
+        return np.swapaxes(self._blocks(found, self._at), -1, -2)
+
+    def changes_curvature(self, x: Array, w: Array) -> Array:
+        each = zip(self.parts, self._at, self._moved, strict=True)
+        whole = np.zeros((*x.shape, self.nx))
+        for part, at, by in each:
+            whole[..., at, at] = part.changes_curvature(x[..., at], w[..., by])
+        return whole
 
     @property
     def pattern(self) -> Pattern:
@@ -287,6 +329,12 @@ class DifferencedSpace(StateSpace):
             for j in range(i, n):
                 bent[..., i, j] = bent[..., j, i] = fourth_order(partial(mixed, i, j), _SECOND)
         return bent
+
+
+def _from(x: Array) -> Array:
+    """Return the matrices (..., 4, 4) of ``x^-1 y`` by the numbers of y."""
+    square = np.sum(x * x, axis=-1)[..., None, None]
+    return np.asarray(np.stack([rotations.product(rotations.inverse(x), e) for e in np.eye(4)], axis=-1) / square)
 
 
 def _slices(sizes: Sequence[int]) -> list[slice]:

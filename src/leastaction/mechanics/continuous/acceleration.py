@@ -37,10 +37,10 @@ class AccelerationDerivatives:
     ----------
     a, lam : ndarray, shape (nd,), (nc,)
         The accelerations and multipliers themselves.
-    all : ndarray, shape (nd + nc, 2 nq + n_inputs + nrho)
+    all : ndarray, shape (nd + nc, 2 nv + n_inputs + nrho)
         Of ``[a; lam]`` by ``[q; v; u; rho_a]``; the other fields are views of it.
     sizes : tuple of int
-        nd, nq, n_inputs.
+        nd, nv, n_inputs.
     """
 
     a: Array = field(repr=False)
@@ -49,18 +49,18 @@ class AccelerationDerivatives:
     sizes: tuple[int, int, int]
 
     def _block(self, rows: slice, argument: int) -> Array:
-        _, nq, n_inputs = self.sizes
-        ends = (0, nq, 2 * nq, 2 * nq + n_inputs, self.all.shape[-1])
+        _, nv, n_inputs = self.sizes
+        ends = (0, nv, 2 * nv, 2 * nv + n_inputs, self.all.shape[-1])
         return self.all[..., rows, ends[argument] : ends[argument + 1]]
 
     @property
     def a_dq(self) -> Array:
-        """Accelerations by configuration, shape (nd, nq)."""
+        """Accelerations by configuration, shape (nd, nv): of quaternions by turns in the body."""
         return self._block(slice(0, self.sizes[0]), 0)
 
     @property
     def a_dv(self) -> Array:
-        """Accelerations by velocity, shape (nd, nq)."""
+        """Accelerations by velocity, shape (nd, nv)."""
         return self._block(slice(0, self.sizes[0]), 1)
 
     @property
@@ -75,12 +75,12 @@ class AccelerationDerivatives:
 
     @property
     def lam_dq(self) -> Array:
-        """Multipliers by configuration, shape (nc, nq)."""
+        """Multipliers by configuration, shape (nc, nv)."""
         return self._block(slice(self.sizes[0], None), 0)
 
     @property
     def lam_dv(self) -> Array:
-        """Multipliers by velocity, shape (nc, nq)."""
+        """Multipliers by velocity, shape (nc, nv)."""
         return self._block(slice(self.sizes[0], None), 1)
 
     @property
@@ -101,7 +101,7 @@ class AccelerationTensors:
 
     Attributes
     ----------
-    a : ndarray, shape (nd, n, n), n = 2 nq + n_inputs + nrho
+    a : ndarray, shape (nd, n, n), n = 2 nv + n_inputs + nrho
         Of the accelerations.
     lam : ndarray, shape (nc, n, n)
         Of the multipliers.

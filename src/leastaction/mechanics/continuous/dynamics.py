@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from leastaction import _core
 from leastaction.errors import ArgumentError, DynamicsError
 from leastaction.mechanics.continuous.acceleration import AccelerationDerivatives, Accelerations, AccelerationTensors
-from leastaction.mechanics.mechanism.arguments import angles_only
+from leastaction.mechanics.mechanism.arguments import configuration_on
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, require_instance, shape_of
 from leastaction.numerics.memory import MAX_BYTES, check_memory
@@ -34,6 +34,9 @@ class ContinuousDynamics:
 
     All methods take one point, or N of them: then every argument has a leading axis, or is the same for all. Every
     result has a leading axis if and only if q or v has.
+
+    Where a rotation is a quaternion, its velocities and accelerations are the body's angular velocity and its
+    derivative by time, in the axes of the body, and derivatives by q are by turns in these axes (nv of them).
 
     Parameters
     ----------
@@ -59,7 +62,6 @@ class ContinuousDynamics:
         threads: int = 0,
     ) -> None:
         require_instance(mechanism, "mechanism", Mechanism)
-        angles_only(mechanism, "ContinuousDynamics")
         self.constraint_damping = as_number(constraint_damping, "constraint_damping", least=0.0)
         self.constraint_stiffness = as_number(constraint_stiffness, "constraint_stiffness", least=0.0)
         self.mechanism = mechanism
@@ -78,7 +80,7 @@ class ContinuousDynamics:
 
         Parameters
         ----------
-        q, v : array_like, shape (nq,)
+        q, v : array_like, shape (nq,) and (nv,)
             Configuration (rad or m) and velocity. The constraints need not hold exactly: they may have drifted.
         u : array_like, shape (n_inputs,), optional
             Inputs; zero if not given.
@@ -113,7 +115,7 @@ class ContinuousDynamics:
 
         Parameters
         ----------
-        q, v, a : array_like, shape (nq,)
+        q, v, a : array_like, shape (nq,), (nv,) and (nv,)
             Configuration, velocity and acceleration of all variables.
         lam : array_like, shape (nc,), optional
             Multipliers of constraints that carry their part; zero if not given.
@@ -124,7 +126,7 @@ class ContinuousDynamics:
 
         Returns
         -------
-        ndarray, shape (nq,)
+        ndarray, shape (nv,)
             ``d/dt L_v - L_q - f(q, v, u) - Dh^T lam`` (N or N m): of dynamic variables zero for a motion that
             `accelerations` gives for the same u, of kinematic ones what drives them.
         """
@@ -148,7 +150,7 @@ class ContinuousDynamics:
         points = self._points(q, v, u, rho_a, t)
         out = self._solved(self.core.linearize(*points.arrays, self.threads, t=points.t), points)
         return AccelerationDerivatives(
-            points.shaped(out.a), points.shaped(out.lam), points.shaped(out.derivatives), (m.nd, m.nq, m.n_inputs)
+            points.shaped(out.a), points.shaped(out.lam), points.shaped(out.derivatives), (m.nd, m.nv, m.n_inputs)
         )
 
     def curvature(
@@ -175,7 +177,7 @@ class ContinuousDynamics:
 
         Returns
         -------
-        ndarray, shape (n, n), n = 2 nq + n_inputs + nrho
+        ndarray, shape (n, n), n = 2 nv + n_inputs + nrho
             Hessian of ``z_a . a + z_lam . lam`` by ``[q; v; u; rho_a]``, symmetric.
 
         Raises
@@ -203,18 +205,16 @@ class ContinuousDynamics:
     ) -> AccelerationTensors:
         """Return the full second derivatives at one point; arguments and errors as of `curvature`.
 
-        They take ``8 (nd + nc) n^2`` bytes, ``n = 2 nq + n_inputs + nrho``: more than `max_bytes` is an `ArgumentError`
+        They take ``8 (nd + nc) n^2`` bytes, ``n = 2 nv + n_inputs + nrho``: more than `max_bytes` is an `ArgumentError`
         before anything is made.
         """
         self._check_orders()
         m = self.mechanism
-        n = 2 * m.nq + m.n_inputs + m.nrho
+        n = 2 * m.nv + m.n_inputs + m.nrho
         check_memory((m.nd + m.nc, n, n), max_bytes, "tensors", "contract them by curvature(..., z_a=...)")
         points = self._points(q, v, u, rho_a, t)
         if not points.single:
-            raise ArgumentError(
-                f"tensors: got {len(points.arrays[0])} points, expected one: q and v of shape ({self.mechanism.nq},)"
-            )
+            raise ArgumentError(f"tensors: got {len(points.arrays[0])} points, expected one: q of shape ({m.nq},)")
         out = self._solved(self.core.tensors(*points.arrays, points.t), points).derivatives
         return AccelerationTensors(out[: self.mechanism.nd], out[self.mechanism.nd :])
 
@@ -233,7 +233,7 @@ class ContinuousDynamics:
         counts = [shape[0] for x in given if len(shape := shape_of(x) or ()) == 2]
         points = _Points(counts[0] if counts else 1, not counts)
         points.arrays = (
-            points.rows(q, "q", m.variables),
+            configuration_on(m, points.rows(q, "q", m.coordinates), "q"),
             points.rows(v, "v", m.variables),
             points.rows(u, "u", m.inputs),
             points.rows(rho_a, "rho_a", m.kinematic),

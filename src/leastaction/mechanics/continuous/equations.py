@@ -11,11 +11,12 @@ from leastaction.errors import DynamicsError
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.signals import PrescribedMotion, WholeInput, motion_at
 from leastaction.mechanics.continuous.stabilisation import ConstraintLost, Projection, project
+from leastaction.mechanics.mechanism.kinematics import Kinematics
 from leastaction.numerics.arrays import Array, as_array
 
 
 class Equations:
-    """``x = [q; rho; v; v_rho]`` and its rate ``[v; v_rho; a; rho_a]``.
+    """``x = [q; rho; v; v_rho]`` and its rate ``[q'; rho'; a; rho_a]``, where ``q' = v`` but for quaternions.
 
     A prescribed motion takes the place of its entries of x wherever x is used, so that they are exact at all
     times; what the integrator makes of them is its own business.
@@ -36,11 +37,12 @@ class Equations:
         self.law = law
         self.motion = motion
         self.projection = projection if self.mechanism.nc else None
+        self.kinematics = Kinematics(self.mechanism)
 
     @property
     def holds(self) -> bool:
-        """Whether the end of a step is moved: onto a prescribed motion, or onto the constraints."""
-        return self.motion is not None or self.projection is not None
+        """Whether the end of a step is moved: onto a prescribed motion, constraints, quaternions of unit length."""
+        return self.motion is not None or self.projection is not None or self.kinematics.curved
 
     def __getstate__(self) -> dict[str, object]:
         # A trajectory goes to another process with the mechanism; what is compiled is made anew there.
@@ -54,13 +56,15 @@ class Equations:
         self.dynamics = ContinuousDynamics(self.mechanism, constraint_damping=damping, constraint_stiffness=stiffness)
 
     def state(self, t: float, x: Array) -> Array:
-        """Return x with the prescribed motion in its place."""
+        """Return x with the prescribed motion in its place, and quaternions of unit length."""
+        m = self.mechanism
+        if self.kinematics.curved:
+            x = np.concatenate([self.kinematics.on_space(x[: m.nq]), x[m.nq :]])
         if self.motion is None:
             return x
-        m = self.mechanism
         x = x.copy()
         value, velocity = motion_at(self.motion, t, m.kinematic)
-        x[m.nd : m.nq], x[m.nq + m.nd :] = value, velocity
+        x[self.kinematics.n_dynamic : m.nq], x[m.nq + m.nd :] = value, velocity
         return x
 
     def input(self, t: float, x: Array) -> Array:
@@ -85,6 +89,7 @@ class Equations:
         m = self.mechanism
         if not np.all(np.isfinite(x)):
             raise DynamicsError("the state is not finite", t=t, variable=None)
+        quaternions = x
         x = self.state(t, x)
         u = self.input(t, x)
         if not np.all(np.isfinite(u)):
@@ -98,7 +103,10 @@ class Equations:
         if out.solved < 1:
             self.dynamics.accelerations(x[: m.nq], x[m.nq :], u[: m.n_inputs], u[m.n_inputs :], t)
             raise DynamicsError("the equations of motion have no solution", t=t, variable=None)
-        return np.concatenate([x[m.nq :], out.a[0], u[m.n_inputs :]])
+        v = x[m.nq :]
+        # Of their own length: so that what an integrator does to it is without effect (see `Kinematics`).
+        q_rate = self.kinematics.rates(quaternions[: m.nq], v) if self.kinematics.curved else v
+        return np.concatenate([q_rate, out.a[0], u[m.n_inputs :]])
 
     def rate_on_constraints(self, t: float, x: Array) -> Array:
         """Return dx/dt at the state on the constraints that is nearest, where there is one."""
@@ -115,24 +123,25 @@ class Equations:
         u = self.input(t, x)
         q, v = x[:nq], x[nq:]
         d = self.dynamics.linearize(q, v, u[: m.n_inputs], u[m.n_inputs :], t)
-        by_x = np.zeros((2 * nq, 2 * nq))
-        by_x[:nq, nq:] = np.eye(nq)
-        by_x[nq : nq + nd, :nq] = d.a_dq
+        by_x = np.zeros((m.nx, m.nx))
+        by_x[:nq, :nq] = self.kinematics.rates_by_configuration(v)
+        by_x[:nq, nq:] = self.kinematics.directions(q)
+        by_x[nq : nq + nd, :nq] = d.a_dq @ self.kinematics.changes(q)
         by_x[nq : nq + nd, nq:] = d.a_dv
         slope = self.law.jacobian(t, x)
         if slope is not None:
-            by_u = np.zeros((2 * nq, m.n_inputs + m.nrho))
+            by_u = np.zeros((m.nx, m.n_inputs + m.nrho))
             by_u[nq : nq + nd] = np.hstack([d.a_du, d.a_drho_a])
             by_u[nq + nd :, m.n_inputs :] = np.eye(m.nrho)
             by_x += by_u[:, : len(slope)] @ slope
         if self.motion is not None:
-            prescribed = np.r_[nd:nq, nq + nd : 2 * nq]
+            prescribed = np.r_[self.kinematics.n_dynamic : nq, nq + nd : m.nx]
             by_x[:, prescribed] = 0.0
             by_x[prescribed] = 0.0
         return by_x
 
     def hold(self, t: float, x: Array) -> Array:
-        """Return x with the prescribed motion in its place, and on the constraints where they are projected on.
+        """Return x with the prescribed motion in its place, of unit length, and on constraints that are projected on.
 
         Raises `ConstraintLost` if the constraints are not reached.
         """

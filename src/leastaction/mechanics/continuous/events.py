@@ -138,9 +138,9 @@ def _watched(name: str, event: Any, mechanism: Mechanism) -> Watched:
     direction = as_number(event.direction, f"{what}: direction")
     function = event.function
     if isinstance(function, str):
-        if function not in mechanism.variables:
-            raise unknown("variable", function, mechanism.variables, what)
-        function = _crossing(mechanism.variables.index(function), as_number(event.value, f"{what}: value"))
+        if function not in mechanism.coordinates:
+            raise unknown("variable", function, mechanism.coordinates, what)
+        function = _crossing(mechanism.coordinates.index(function), as_number(event.value, f"{what}: value"))
     elif not callable(function):
         raise ArgumentError(
             f"{what}: its function is {function!r}, expected a function of (t, x) or the name of a variable"

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.continuous.stabilisation import ConstraintMetric
 from leastaction.mechanics.mechanism.arguments import configuration_on
+from leastaction.mechanics.mechanism.kinematics import Kinematics
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_flag, require_instance, shape_of
 from leastaction.numerics.public import public
@@ -25,7 +26,7 @@ def to_momentum(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> Array:
     Parameters
     ----------
     mechanism : Mechanism
-    q, v : array_like, shape (nq,) or (N, nq)
+    q, v : array_like, shape (nq,) and (nv,), or (N, nq) and (N, nv)
         Configurations and velocities, kinematic ones too: ``p = M_dd v_d + M_dk v_rho``.
 
     Returns
@@ -61,7 +62,7 @@ def to_velocity(
 
     Returns
     -------
-    ndarray, shape (nq,) or (N, nq)
+    ndarray, shape (nv,) or (N, nv)
 
     Raises
     ------
@@ -90,26 +91,45 @@ def legendre_jacobian(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> Array
     """Return the derivative T of ``[q; rho; p; v_rho]`` by ``[q; rho; v; v_rho]``.
 
     Identity but for the rows of p, which are ``[L_vq, L_vv]``. By it a small deviation of one state is one of the
-    other: ``dx_discrete = T dx_continuous``.
+    other: ``dx_discrete = T dx_continuous``. Of rotations that are quaternions both are by turns in the body.
 
     Parameters
     ----------
     mechanism : Mechanism
-    q, v : array_like, shape (nq,) or (N, nq)
+    q, v : array_like, shape (nq,) and (nv,), or (N, nq) and (N, nv)
 
     Returns
     -------
-    ndarray, shape (nx, nx) or (N, nx, nx)
+    ndarray, shape (ndx, ndx) or (N, ndx, ndx)
     """
     require_instance(mechanism, "mechanism", Mechanism)
-    m, nd, nq = mechanism, mechanism.nd, mechanism.nq
-    single, (qs, vs) = _rows(m, {"q": (q, nq), "v": (v, nq)})
-    T = np.tile(np.eye(2 * nq), (len(qs), 1, 1))
+    m, nd, nv = mechanism, mechanism.nd, mechanism.nv
+    single, (qs, vs) = _rows(m, {"q": (q, m.nq), "v": (v, nv)})
+    T = np.tile(np.eye(2 * nv), (len(qs), 1, 1))
+    turns = Kinematics(m).turns
+    qs = configuration_on(m, qs, "q")
     for block, at, speed in zip(T, qs, vs, strict=True):
         _, L_vq, L_vv = m.core.hessian(at, speed)
-        block[nq : nq + nd, :nq] = L_vq[:nd]
-        block[nq : nq + nd, nq:] = L_vv[:nd]
+        block[nv : nv + nd, :nv] = L_vq[:nd]
+        block[nv : nv + nd, nv:] = L_vv[:nd]
+        p = L_vv @ speed
+        for _, by in turns:
+            # The core's coordinates of a ball are angles (cpp/continuous/turned.hpp): rates and momenta turn with them.
+            here = slice(by, by + 3)
+            block[nv : nv + nd, here] -= L_vv[:nd, here] @ _turned_rates(speed[here])
+            if by < nd:
+                block[nv + by : nv + by + 3, here] -= _turned_momenta(p[here])
     return T[0] if single else T
+
+
+def _turned_rates(w: Array) -> Array:
+    """Return the matrix (3, 3) of turns d in ``C(d, w)`` = (d3 w2, -d3 w1, d2 w1)."""
+    return np.array([[0.0, 0.0, w[1]], [0.0, 0.0, -w[0]], [0.0, w[0], 0.0]])
+
+
+def _turned_momenta(p: Array) -> Array:
+    """Return the matrix (3, 3) of turns d in the vector c with ``c . n = p . C(d, n)``."""
+    return np.array([[0.0, p[2], -p[1]], [0.0, 0.0, p[0]], [0.0, 0.0, 0.0]])
 
 
 def _rows(m: Mechanism, given: dict[str, tuple[ArrayLike, int]]) -> tuple[bool, list[Array]]:

@@ -166,7 +166,8 @@ def _rate(equations: Equations, t: float, x: Array) -> Array:
         a, _ = equations.solve(t, x, equations.input(t, x))
     except LeastActionError:
         return np.zeros_like(x)
-    return np.concatenate([x[len(a) :], a])
+    m = equations.mechanism
+    return np.concatenate([equations.kinematics.rates(x[: m.nq], x[m.nq :]), a])
 
 
 def _power(m: Mechanism, t: Array, x: Array, rate: Array) -> Array:

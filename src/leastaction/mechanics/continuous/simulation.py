@@ -28,6 +28,7 @@ from leastaction.mechanics.continuous.signals import (
 )
 from leastaction.mechanics.continuous.stabilisation import Baumgarte, Projection, as_handling, check_start_consistent
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, DenseOutput, IntegrationStatus
+from leastaction.mechanics.mechanism.arguments import configuration_on
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, shape_of
@@ -184,7 +185,7 @@ def simulate(
         )
     records = {event.name: event.record(m.nx) for event in watched}
     result = _result(equations, done, status, message, records, dense_output)
-    told = SingularityWatch(m.balls, m.variables).look(result.t, result.q)
+    told = SingularityWatch(m.balls, m.coordinates).look(result.t, result.q)
     # A run that failed has said so, and of a motion that blows up the energy means nothing.
     if not done.pieces or status is IntegrationStatus.FAILED:
         return replace(result, warnings=told)
@@ -220,14 +221,14 @@ def _motion(
 
 def _start(m: Mechanism, q0: object, v0: object, motion: PrescribedMotion | None, t0: float) -> Array:
     """Return the state at the start, on the prescribed motion."""
-    q = as_array(q0, "q0", (m.nq,), names=m.variables).copy()
-    v = np.zeros(m.nq) if v0 is None else as_array(v0, "v0", (m.nq,), names=m.variables).copy()
+    q = configuration_on(m, as_array(q0, "q0", (m.nq,), names=m.coordinates).copy(), "q0")
+    v = np.zeros(m.nv) if v0 is None else as_array(v0, "v0", (m.nv,), names=m.variables).copy()
     if motion is not None:
         value, velocity = motion_at(motion, t0, m.kinematic)
-        check_start(q[m.nd :], value, m.kinematic, "q0")
+        check_start(q[m.nq - m.nrho :], value, m.kinematic, "q0")
         if v0 is not None:
             check_start(v[m.nd :], velocity, m.kinematic, "v0")
-        q[m.nd :], v[m.nd :] = value, velocity
+        q[m.nq - m.nrho :], v[m.nd :] = value, velocity
     return np.concatenate([q, v])
 
 
@@ -300,7 +301,7 @@ def _result(
         t, x = [*t, done.reached], [*x, done.state]
     at, states = np.array(t), np.array(x)
     u = np.array([equations.input(*pair) for pair in zip(t, x, strict=True)])
-    a = np.full((len(t), m.nq), np.nan)
+    a = np.full((len(t), m.nv), np.nan)
     lam = np.full((len(t), m.nc), np.nan)
     for k, state in enumerate(x):
         # Where the simulation failed there may be none.
@@ -326,7 +327,10 @@ def _result(
 
 def _named(m: Mechanism, x: Array) -> str:
     """Return the largest part of a state by name."""
-    pairs = list(zip(m.variables, x[: m.nq], x[m.nq :], strict=True))
-    pairs.sort(key=lambda entry: -max(abs(entry[1]), abs(entry[2])))
-    shown = ", ".join(f"{name} = {q:.4g} (rate {v:.4g})" for name, q, v in pairs[:_SHOWN])
-    return shown + (f", and {len(pairs) - _SHOWN} more" if len(pairs) > _SHOWN else "")
+    v = dict(zip(m.variables, x[m.nq :], strict=True))
+    parts = {name: (abs(q), f"{name} = {q:.4g}") for name, q in zip(m.coordinates, x[: m.nq], strict=True)}
+    for name, rate in v.items():
+        size, text = parts.get(name, (0.0, name))
+        parts[name] = (max(size, abs(rate)), f"{text} (rate {rate:.4g})")
+    texts = [text for _, text in sorted(parts.values(), key=lambda part: -part[0])]
+    return ", ".join(texts[:_SHOWN]) + (f", and {len(texts) - _SHOWN} more" if len(texts) > _SHOWN else "")

@@ -21,6 +21,7 @@ from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.mechanics.configuration.assembly import check_consistent, check_velocity
 from leastaction.mechanics.configuration.null_space import LOOSE_RANK_TOLERANCE, RANK_TOLERANCE, row_scales
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.turns import moved
 from leastaction.numerics.arrays import Array, as_number
 from leastaction.numerics.public import public
 
@@ -131,7 +132,7 @@ class ConstraintMetric:
     def __init__(self, mechanism: Mechanism, q: Array, size: float = 0.0) -> None:
         nd = mechanism.nd
         self.jacobian = _jacobian(mechanism, q)
-        mass = mechanism.core.hessian(q, np.zeros(mechanism.nq))[2][:nd, :nd]
+        mass = mechanism.core.hessian(q, np.zeros(mechanism.nv))[2][:nd, :nd]
         gradients = self.jacobian[:, :nd].T
         try:
             inverse_root = _inverse_root(mass)
@@ -186,14 +187,14 @@ def rates(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
 
 
 def _jacobian(mechanism: Mechanism, q: Array) -> Array:
-    """Return Dh (nc, nq), of a q that is checked."""
-    return np.asarray(mechanism.core.constraint_jacobian(q)).reshape(mechanism.nc, mechanism.nq)
+    """Return Dh (nc, nv), of a q that is checked."""
+    return np.asarray(mechanism.core.constraint_jacobian(q)).reshape(mechanism.nc, mechanism.nv)
 
 
 def project(mechanism: Mechanism, q: Array, v: Array, tolerance: float) -> tuple[Array, Array]:
     """Return the nearest configuration on the constraints and the velocity there that keeps them.
 
-    ``q``, ``v`` (nq,): near the constraints. The kinematic entries stay. ``tolerance``: see `Projection`. Raises
+    ``q`` (nq,), ``v`` (nv,): near the constraints. The kinematic entries stay. ``tolerance``: see `Projection`. Raises
     `ConstraintLost` if the constraints are not reached.
     """
     nd, core = mechanism.nd, mechanism.core
@@ -206,8 +207,9 @@ def project(mechanism: Mechanism, q: Array, v: Array, tolerance: float) -> tuple
     for _ in range(_ITERATIONS):
         if np.all(np.abs(h) <= 1e-15 * scales):
             break
-        trial = q.copy()
-        trial[:nd] -= metric.change(h)
+        change = np.zeros(mechanism.nv)
+        change[:nd] = -metric.change(h)
+        trial = q + change if not mechanism.tree.rotations else moved(mechanism, q[None, :], change[None, :])[0]
         h_trial = np.asarray(core.constraints(trial))
         smaller = float(np.linalg.norm(h_trial))
         if stale and not smaller < _SLOW * size:

@@ -49,7 +49,7 @@ class ContinuousState(BaseState):
     ----------
     t, q
         As of `BaseState`.
-    v : ndarray, shape (nq,)
+    v : ndarray, shape (nv,)
         Velocity (m/s or rad/s).
     """
 
@@ -73,7 +73,7 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
     t : ndarray, shape (N+1,)
         Times (s): those that were asked for, up to the end. Where an event, a failure or Ctrl-C ended the
         simulation between two of them, that time is the last.
-    q, v, a : ndarray, shape (N+1, nq)
+    q, v, a : ndarray, shape (N+1, nq), (N+1, nv), (N+1, nv)
         Configurations, velocities, accelerations (m or rad, per second, per second squared).
     inputs : ndarray, shape (N+1, n_inputs)
         Force inputs; where they jump, those after the jump.
@@ -142,7 +142,7 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
         if self.dense is None:
             raise ArgumentError("the trajectory has no dense output; simulate with dense_output=True")
         single, times = self._times(t)
-        rows = np.array([self.dense(float(at)) for at in times]).reshape(len(times), 2 * self.q.shape[1])
+        rows = np.array([self.dense(float(at)) for at in times]).reshape(len(times), self.q.shape[1] + self.v.shape[1])
         return rows[0] if single else rows
 
     def input(self, t: ArrayLike) -> Array:

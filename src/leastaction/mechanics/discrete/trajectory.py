@@ -11,13 +11,13 @@ import numpy as np
 
 from leastaction.mechanics.discrete.balance import DiscreteBalance
 from leastaction.mechanics.discrete.tensions import tensions
-from leastaction.mechanics.discrete.turns import differences, middles
 from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.masses import Energy
 from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
 from leastaction.mechanics.mechanism.reactions import reactions
 from leastaction.mechanics.mechanism.trajectory import BaseState, BaseTrajectory
+from leastaction.mechanics.mechanism.turns import differences, middles
 from leastaction.numerics.arrays import Array, as_array, require_instance
 from leastaction.numerics.frozen import made
 from leastaction.numerics.public import public
