@@ -78,7 +78,7 @@ def runs(request):
     q = start_of(m)
     run = vi.simulate(vi.start(q, t=0.3), t, inputs=u)
     begin = other.start(np.append(q, 0.3), t=0.3)
-    same = other.simulate(begin, t, inputs=u, rho=lambda now: now)
+    same = other.simulate(begin, t, inputs=u, rho=lambda now: [now])
     return run, same, vi, other
 
 
@@ -110,7 +110,7 @@ def test_derivatives_of_steps_are_those_of_the_twin(runs) -> None:
     weights = np.zeros((run.steps, same.mechanism.nx))
     weights[:, at] = z
     order = np.concatenate([at, same.mechanism.nx + np.arange(m.n_inputs)])
-    assert vi.curvature(run, z) == pytest.approx(other.curvature(same, weights)[:, order][:, :, order], abs=1e-8)
+    assert vi.curvature(mine, z) == pytest.approx(other.curvature(theirs, weights)[:, order][:, :, order], abs=1e-8)
     names = ["pull.k", "push.c"]
     by, by_theirs = vi.differentiate_by(run, names), other.differentiate_by(same, names)
     assert by.x == pytest.approx(by_theirs.x[:, at], abs=1e-10)
