@@ -46,6 +46,8 @@ void bind_coordinates(nb::class_<MechanismBuilder>& builder) {
         .def("variables_coordinate", &MechanismBuilder::combination, "variables"_a, "factors"_a,
              "Sum of variables times factors (slots).")
         .def("path_coordinate", &MechanismBuilder::path, "points"_a, "Length of a string over points.")
+        .def("rotation_coordinate", &MechanismBuilder::rotation, "variable"_a,
+             "Component of the rotation vector of a ball, by the variable of that axis.")
         .def("offset_coordinate", &MechanismBuilder::offset, "coordinate"_a, "slot"_a = -1, "variable"_a = -1,
              "A coordinate less a number, a variable, or both.")
         .def("sum_coordinate", &MechanismBuilder::sum, "coordinates"_a, "factors"_a,
@@ -150,6 +152,9 @@ void bind_elements(nb::class_<MechanismBuilder>& builder) {
                int gain) { b.add_force(coordinates, inputs, python_magnitude(function, b.check_slot(gain))); },
             "coordinates"_a, "inputs"_a, "function"_a, "gain"_a,
             "The same with function(y, order) -> (value, gradient, Hessian) in Python, times a number (slot).")
+        .def("add_rate_force", &MechanismBuilder::add_rate_force, "variables"_a, "factors"_a, "gain"_a, "input"_a = -1,
+             "law_v"_a = -1,
+             "A force gain * u * law_v(s') along a sum s' of rates; those of balls are angular velocities.")
         .def(
             "add_wrench",
             [](MechanismBuilder& b, const std::string& kind, int joint, const In<2>& pose,

@@ -144,9 +144,8 @@ Out joint_twists(const Mechanism& m, const In<2>& q) {
 
 Out constraint_hessian(const Mechanism& m, const In<1>& q, const In<1>& lam) {
     expect(lam.size(), m.n_constraints(), "lam");
-    expect_no_balls(m, "second derivatives of constraints");
     const std::size_t n = m.n_variables();
-    const std::vector<double> internal = to_internal(m, q, "q");
+    const std::vector<double> internal = configuration_of(m, q, "q");
     Placement<double> at(m);
     place(m.constraint_joints, internal.data(), at);
     Out out = zeros({n, n});
@@ -319,7 +318,7 @@ void bind_mechanism(nb::module_& module) {
             "What gradient() changes by where the body of a joint gets more inertia: mass, "
             "first "
             "moment and rotational inertia xx yy zz xy xz yz about the origin of the joint's frame.")
-        .def("constraint_hessian", &constraint_hessian, "q"_a, "lam"_a, "Second derivatives (nq, nq) of lam.h(q).")
+        .def("constraint_hessian", &constraint_hessian, "q"_a, "lam"_a, "Second derivatives (nv, nv) of lam.h(q); of balls in their charts rx ry rz.")
         .def(
             "force",
             [](const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u,

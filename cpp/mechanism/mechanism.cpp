@@ -267,6 +267,16 @@ int MechanismBuilder::path(std::vector<int> points) {
     return append(coordinates_,
                   [points](const Mechanism& m, const Coordinates&) { return std::make_shared<PathLength>(m, points); });
 }
+int MechanismBuilder::rotation(int variable) {
+    checked(variable, n_dynamic_ + n_kinematic_, "variable");
+    return append(coordinates_, [=](const Mechanism& m, const Coordinates&) {
+        const int own = m.internal[variable];
+        for (const Ball& ball : m.balls)
+            if (ball.variable <= own && own < ball.variable + 3)
+                return std::make_shared<RotationVector>(ball.variable, ball.quaternion, own - ball.variable);
+        throw std::invalid_argument("variable " + std::to_string(variable) + " is none of a ball");
+    });
+}
 int MechanismBuilder::local(std::vector<int> points, std::vector<int> directions, std::vector<int> variables,
                             std::shared_ptr<const LocalFunction> function) {
     for (const int point : points) check_point(point);
@@ -357,6 +367,20 @@ void MechanismBuilder::add_force(std::vector<int> coordinates, std::vector<int> 
         Coordinates own;
         for (const int coordinate : coordinates) own.push_back(all[coordinate]);
         return std::make_shared<CoordinateForce>(own, inputs, magnitude);
+    });
+}
+void MechanismBuilder::add_rate_force(const std::vector<int>& variables, const std::vector<int>& factor_slots,
+                                      int gain_slot, int input, int law) {
+    if (variables.empty() || variables.size() != factor_slots.size())
+        throw std::invalid_argument("one factor for each of at least one variable is needed");
+    for (const int variable : variables) checked(variable, n_dynamic_ + n_kinematic_, "variable");
+    check_slots(factor_slots);
+    check_slot(gain_slot);
+    if (input >= 0) check_input(input);
+    forces_.push_back([=, by_rate = this->law(law)](const Mechanism& m, const Coordinates&) {
+        std::vector<int> firsts;
+        for (const Ball& ball : m.balls) firsts.push_back(ball.variable);
+        return std::make_shared<RateForce>(internal_of(m, variables), factor_slots, firsts, gain_slot, input, by_rate);
     });
 }
 void MechanismBuilder::add_wrench(Wrench::Kind kind, int joint, const Pose<double>& frame,

@@ -17,6 +17,8 @@
 #include "elements/coordinates.hpp"
 #include "elements/forces.hpp"
 #include "elements/laws.hpp"
+#include "elements/rate_force.hpp"
+#include "elements/rotation_vector.hpp"
 #include "elements/wrench.hpp"
 #include "kinematics/shared_lists.hpp"
 
@@ -196,6 +198,7 @@ public:
 
     int combination(std::vector<int> variables, std::vector<int> factor_slots);
     int path(std::vector<int> points);
+    int rotation(int variable);  // of a ball: the component of its rotation vector that the variable turns about
     int local(std::vector<int> points, std::vector<int> directions, std::vector<int> variables,
               std::shared_ptr<const LocalFunction> function);
     int offset(int coordinate, int slot, int variable);  // a coordinate less a number, a variable, or both
@@ -212,6 +215,9 @@ public:
     void add_joint_force(int variable, int input);
     void add_force(std::vector<int> coordinates, std::vector<int> inputs,
                    std::shared_ptr<const LocalFunction> magnitude);
+    // Along a sum of rates, where those of balls are angular velocities: gain u by_rate(s').
+    void add_rate_force(const std::vector<int>& variables, const std::vector<int>& factor_slots, int gain_slot,
+                        int input, int law);
     void add_wrench(Wrench::Kind kind, int joint, const Pose<double>& frame, const std::array<int, 6>& slots,
                     const std::array<int, 6>& inputs);
 

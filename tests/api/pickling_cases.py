@@ -47,7 +47,7 @@ def mechanism() -> la.Mechanism:
             la.tx("x", name="cart", mass=2.0),
             [la.rz("theta", inertia=(0.1, 0.2, 0.25), mass=0.1), [la.ty(-1.0, name="bob", mass=0.5)]],
             la.pose(translation=[2.0, 0.0, 0.0], name="post"),
-            [la.ball("ball", name="end", mass=0.3, com=(0.1, 0.0, 0.2), inertia=(0.1, 0.1, 0.1))],
+            [la.ball("ball", axes="xyz", name="end", mass=0.3, com=(0.1, 0.0, 0.2), inertia=(0.1, 0.1, 0.1))],
             la.tx("hand", kinematic=True, name="hand"),
         ],
         [
@@ -272,7 +272,7 @@ OTHERS: dict[str, Callable[[], Any]] = {
     "Accelerations": lambda: dynamics().accelerations([0.0, 0.3, 1.0], np.zeros(3)),
     "Affine": lambda: 2.0 * la.var("a") + 1.0,
     "Branch": lambda: la.world().tx("x", mass=1.0).rz("theta").ty(-1.0, name="bob", mass=1.0),
-    "Composition": lambda: la.ball("b", mass=1.0, inertia=(1.0, 1.0, 1.0)),
+    "Composition": lambda: la.ball("b", axes="xyz", mass=1.0, inertia=(1.0, 1.0, 1.0)),
     "ConfigurationProjection": lambda: la.project_configuration(strung(), [0.0, 0.3, 1.5]),
     "ContinuousOptimizationResult": optimised_continuous,
     "ContinuousState": lambda: continuous_trajectory().last,

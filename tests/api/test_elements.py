@@ -457,7 +457,7 @@ def test_frames_that_only_turn_about_each_other_have_no_distance(far):
         la.revolute("a", **axis, **options, name="arm"),
         [pose(translation=(0.3, -far, 0.2), rotation=ROTATION, name="joint")],
         pose(translation=(0.3, -far, 0.2), name="eye"),
-        [la.ball("b", name="ball", **options), [la.tz(1e-3 * far, name="off")]],
+        [la.ball("b", axes="xyz", name="ball", **options), [la.tz(1e-3 * far, name="off")]],
     ]
     context = plan(flatten(description), []).context()
     assert far == 1e300 or context.always_together("joint", "eye")

@@ -148,13 +148,16 @@ def test_chained_and_nested_descriptions_are_the_same():
     tree.screw("a", axis="z", pitch=0.1, mass=1.0).revolute("b", axis=AXIS, mass=1.0, com=(1, 0, 0)).prismatic(
         "c", axis="x", mass=1.0
     ).twist("d", linear=(1, 0, 0), angular=(0, 0, 1), mass=1.0)
-    tree.universal("u").ball("b1", mass=1.0, inertia=(1, 1, 1)).free("f", mass=1.0, inertia=(1, 1, 1))
+    tree.universal("u").ball("b1", axes="xyz", mass=1.0, inertia=(1, 1, 1)).free(
+        "f", axes="xyz", mass=1.0, inertia=(1, 1, 1)
+    )
     nested = [
         screw("a", axis="z", pitch=0.1, mass=1.0), [
             revolute("b", axis=AXIS, mass=1.0, com=(1, 0, 0)), [
                 prismatic("c", axis="x", mass=1.0), [
                     twist("d", linear=(1, 0, 0), angular=(0, 0, 1), mass=1.0)]]],
-        universal("u"), [ball("b1", mass=1.0, inertia=(1, 1, 1)), [free("f", mass=1.0, inertia=(1, 1, 1))]],
+        universal("u"), [
+            ball("b1", axes="xyz", mass=1.0, inertia=(1, 1, 1)), [free("f", axes="xyz", mass=1.0, inertia=(1, 1, 1))]],
     ]  # fmt: skip
     assert tree_view(described(tree)) == tree_view(described(nested))
     one, other = recorded(tree), recorded(nested)
@@ -280,7 +283,7 @@ def test_a_free_joint_is_three_translations_and_euler_angles(axes):
 
 
 def test_bodies_and_children_belong_to_the_last_frame():
-    settled = described([ball("hip", mass=2.0, inertia=(1, 1, 1)), [tz(-0.4, name="knee", mass=1.0)]])
+    settled = described([ball("hip", axes="xyz", mass=2.0, inertia=(1, 1, 1)), [tz(-0.4, name="knee", mass=1.0)]])
     names = [frame.name for frame in settled.tree.frames]
     assert names == ["world", "rx(hip.rx)", "ry(hip.ry)", "hip", "knee"]
     frames = {frame.name: frame for frame in settled.tree.frames}
@@ -293,23 +296,23 @@ def test_a_composition_takes_amounts_a_name_and_kinds():
     settled = described([joint, [tx(1.0, name="tip")]])
     assert settled.kinematic == ("a",)
     assert settled.tree.frames[2].name == "wrist"
-    part = ball("b", kinematic=["b.rz"], mass=1.0, inertia=(1, 1, 1), name="head")
+    part = ball("b", axes="xyz", kinematic=["b.rz"], mass=1.0, inertia=(1, 1, 1), name="head")
     assert part.variables == ("b.rx", "b.ry", "b.rz")
     assert repr(part) == "ball(b.rx, b.ry, b.rz) 'b'"
     settled = described([part])
     assert (settled.dynamic, settled.kinematic) == (("b.rx", "b.ry"), ("b.rz",))
     assert settled.tree.frames[-1].name == "head"
-    whole = described([free("hand", kinematic=True), [tx(0.1)]])
+    whole = described([free("hand", axes="xyz", kinematic=True), [tx(0.1)]])
     assert whole.dynamic == ()
     assert len(whole.kinematic) == 6
 
 
 def test_the_mechanism_knows_its_ball_joints():
     settled = described([
-        universal("u"), [ball("hip", mass=1.0, inertia=(1, 1, 1))],
+        universal("u"), [ball("hip", axes="xyz", mass=1.0, inertia=(1, 1, 1))],
         free("torso", axes="zxz", mass=1.0, inertia=(1, 1, 1)),
-        ball("held", kinematic=True),
-        ball("led", kinematic=["led.rx"], mass=1.0, inertia=(1, 1, 1)),
+        ball("held", axes="xyz", kinematic=True),
+        ball("led", axes="xyz", kinematic=["led.rx"], mass=1.0, inertia=(1, 1, 1)),
     ])  # fmt: skip
     balls = settled.tree.balls
     assert [b.name for b in balls] == ["hip", "torso", "held", "led"]
@@ -321,7 +324,7 @@ def test_the_mechanism_knows_its_ball_joints():
 
 
 def test_a_composition_stands_in_one_place_only():
-    joint = ball("b", mass=1.0, inertia=(1, 1, 1))
+    joint = ball("b", axes="xyz", mass=1.0, inertia=(1, 1, 1))
     with pytest.raises(DescriptionError, match="two places"):
         described([joint, [joint]])
 
@@ -367,7 +370,7 @@ def test_inertia_counts_at_any_scale_of_a_twist():
 def shown():
     return described(
         [
-            free("torso", mass=5.0, inertia=(1, 1, 1)), [
+            free("torso", axes="xyz", mass=5.0, inertia=(1, 1, 1)), [
                 universal(["s", -0.5 * var("s") + 0.1], name="head", mass=1.0, com=(0, 0, 0.1)),
                 tz(-0.2), [screw("s", axis="z", point=(0.1, 0, 0), pitch=0.02, mass=0.5)],
             ],
@@ -459,7 +462,7 @@ def test_the_notebook_view_of_a_long_chain_stays_short():
 
 
 def test_a_pickled_mechanism_keeps_its_compositions():
-    mechanism = Mechanism([ball("b", mass=1.0, inertia=(1, 1, 1)), [tx(1.0, mass=1.0)]])
+    mechanism = Mechanism([ball("b", axes="xyz", mass=1.0, inertia=(1, 1, 1)), [tx(1.0, mass=1.0)]])
     again = pickle.loads(pickle.dumps(mechanism))
     assert str(again) == str(mechanism)
     assert again.balls[0].variables == mechanism.balls[0].variables
@@ -509,7 +512,7 @@ BROKEN = {
     "ball without a name": (lambda: ball(" "), "name of a ball"),
     "ball of a number": (lambda: free(3.0), "free.*6 coordinates.*3.0"),
     "ball that is kinematic elsewhere": (
-        lambda: ball("b", kinematic=["c.rx"]),
+        lambda: ball("b", axes="xyz", kinematic=["c.rx"]),
         r"ball\(b.rx, b.ry, b.rz\).*'c.rx'",
     ),
     "ball with a bad mass": (lambda: ball("b", mass=-1.0), "'b'.*-1.*positive"),

@@ -12,20 +12,23 @@ import pytest
 
 import leastaction
 from leastaction.errors import ArgumentError, DescriptionError
+from leastaction.expressions import variable
 from leastaction.mechanics import (
+    Armature,
     BodyWrench,
+    CoulombFriction,
     Damping,
+    ExpressionPotential,
     Gravity,
     JointForce,
     JointSpring,
     Mechanism,
     MidpointVI,
+    NonlinearDamping,
     Trajectory,
     ball,
     configuration_by,
-    equilibrium,
     free,
-    project_configuration,
     rz,
     tx,
     tz,
@@ -91,9 +94,9 @@ def test_mass_matrix_is_that_of_angles_at_zero() -> None:
     one = floater()
     other = Mechanism(
         [
-            free("base", mass=2.0, inertia=(0.1, 0.2, 0.15)),
+            free("base", axes="xyz", mass=2.0, inertia=(0.1, 0.2, 0.15)),
             [
-                *[tx(0.2), [ball("arm", name="hand", mass=0.3, com=(0.1, 0.0, 0.05), inertia=(1e-3,) * 3)]],
+                *[tx(0.2), [ball("arm", axes="xyz", name="hand", mass=0.3, com=(0.1, 0.0, 0.05), inertia=(1e-3,) * 3)]],
                 rz("wheel", mass=0.1, inertia=(1e-3,) * 3),
             ],
         ],
@@ -107,15 +110,58 @@ REFUSED: dict[str, Callable[[], Any]] = {
     "own coordinates": lambda: ball(["a", "b", "c"], axes="quaternion"),
     "prescribed": lambda: ball("a", axes="quaternion", kinematic=True),
     "universal": lambda: leastaction.universal("a", axes="quaternion"),
-    "a spring": lambda: floater(JointSpring("arm.wx", 1.0)),
-    "a motor": lambda: floater(JointForce("arm.wx", "u")),
-    "a damper": lambda: floater(Damping({"base.wz": 1.0})),
-    "dampers everywhere": lambda: floater(Damping(0.1)),
+    "a rotor": lambda: floater(Armature("arm.wx", 1.0)),
+    "a formula": lambda: floater(ExpressionPotential(variable("arm.wx") * variable("wheel"))),
     "apart": lambda: Mechanism(
         [ball("a", axes="quaternion", mass=1.0, inertia=(1.0, 1.0, 1.0)), tz("z", mass=1.0)],
         dynamic=["a.wx", "z", "a.wy", "a.wz"],
     ),
 }
+
+
+def test_elements_on_turns_of_joints() -> None:
+    """Springs pull along the rotation vector, dampers and motors act along the axes behind the joint."""
+    axes = [f"arm.w{letter}" for letter in "xyz"]
+    m = floater(
+        *[JointSpring(name, 0.7) for name in axes],
+        *[JointForce(name, f"u{name[-1]}", name=f"motor{name[-1]}") for name in axes],
+        Damping(0.3),
+        NonlinearDamping("arm.wz", (0.0, 0.1)),
+        CoulombFriction({"arm.wy": 2.0, "wheel": 1.0}, 0.2, 0.5),
+    )
+    assert m.parameters["damping.arm.wy"] == 0.3
+    rng = np.random.default_rng(4)
+    phi = np.array([1.2, -2.0, 0.8])
+    q, v, u = m.configuration(), rng.standard_normal(m.nv), rng.standard_normal(3)
+    place, turn = m.coordinates.index("arm.qw"), m.variables.index("arm.wx")
+    angle = float(np.linalg.norm(phi))
+    for sign in (1.0, -1.0):  # the same rotation
+        q[place : place + 4] = sign * np.r_[np.cos(angle / 2.0), np.sin(angle / 2.0) * phi / angle]
+        pull = m.core.gradient(q, np.zeros(m.nv))[0] - floater().core.gradient(q, np.zeros(m.nv))[0]
+        wanted = np.zeros(m.nv)
+        wanted[turn : turn + 3] = -0.7 * phi
+        assert np.abs(pull - wanted).max() < 1e-14
+        assert m.core.potential_energy(q) - floater().core.potential_energy(q) == pytest.approx(0.35 * angle**2)
+    force = -0.3 * v
+    force[turn : turn + 3] += u
+    force[turn + 2] -= 0.1 * v[turn + 2] ** 3
+    dry = 0.2 * np.tanh((2.0 * v[turn + 1] + v[-1]) / 0.5)
+    force[turn + 1] -= 2.0 * dry
+    force[-1] -= dry
+    assert np.abs(m.core.force(q, v, u) - force).max() < 1e-14
+
+
+def test_motors_on_the_turns_of_a_joint_are_a_wrench_and_what_it_reacts_on() -> None:
+    """On a joint that stands on the world a torque is all there is."""
+    runs = []
+    for torque in (
+        [BodyWrench("top", torque=("a", "b", "c"))],
+        [JointForce(f"top.w{letter}", name) for letter, name in zip("xyz", "abc", strict=True)],
+    ):
+        top = ball("top", axes="quaternion", mass=1.1, com=(0.0, 0.1, 0.3), inertia=(0.1, 0.2, 0.15))
+        vi = MidpointVI(Mechanism([top], [Gravity(), *torque]))
+        runs.append(vi.simulate(vi.start([1, 0, 0, 0], [1, 2, 3]), np.linspace(0, 1, 51), inputs=[0.3, -0.2, 0.5]))
+    assert np.abs(runs[0].x - runs[1].x).max() < 1e-13
 
 
 @pytest.mark.parametrize("what", list(REFUSED))
@@ -143,8 +189,6 @@ def test_what_is_not_there_says_so() -> None:
     q, v = m.configuration(), np.zeros(m.nv)
     vi, run = MidpointVI(m), moved(m)
     asked: list[Callable[[], Any]] = [
-        lambda: equilibrium(m, q),
-        lambda: project_configuration(m, q),
         lambda: configuration_by(m, q, ["base.mass"]),
         lambda: m.lagrangian(q, v),
         lambda: m.potential(q),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from derivatives.test_quaternions import FORCES, PIN, ROD, WRENCH, tumbling
+from derivatives.test_quaternions import AT_JOINTS, FORCES, PIN, ROD, WRENCH, tumbling
 from leastaction.mechanics import BodyWrench, ContinuousDynamics, Element, Gravity, Mechanism, ball, tx, tz
 from leastaction.mechanics.mechanism.turns import moved
 from leastaction.numerics.arrays import Array
@@ -111,7 +111,9 @@ def test_first_and_second_derivatives_are_those_of_jax() -> None:
 
 
 @pytest.mark.parametrize(
-    "elements", [(), FORCES, (WRENCH,), (ROD,), (PIN, *FORCES, WRENCH)], ids=["free", "forces", "wrench", "rod", "all"]
+    "elements",
+    [(), FORCES, (WRENCH,), (ROD,), AT_JOINTS, (PIN, *FORCES, WRENCH)],
+    ids=["free", "forces", "wrench", "rod", "at joints", "all"],
 )
 def test_derivatives_are_those_of_differences(elements: tuple[Element, ...]) -> None:
     """Where constraints are off too, which a stabilisation pulls back."""

@@ -366,13 +366,17 @@ def test_mass_centre_and_momentum_of_all_bodies(mechanism):
 
 
 def test_total_momentum_is_that_of_the_variables_that_move_everything():
-    mechanism = Mechanism([free("b", **HEAVY), [ball("c", **HEAVY), tx(0.5), [rz("d", **HEAVY)]]])
+    mechanism = Mechanism(
+        [free("b", axes="xyz", **HEAVY), [ball("c", axes="xyz", **HEAVY), tx(0.5), [rz("d", **HEAVY)]]]
+    )
     q, v = np.random.default_rng(13).uniform(-1, 1, (2, mechanism.nq))
     np.testing.assert_allclose(mechanism.total_momentum(q, v)[:3], mechanism.momentum(q, v)[:3], rtol=1e-13)
 
 
 def test_total_momentum_is_kept_where_nothing_acts():
-    mechanism = Mechanism([free("b", **HEAVY), [tx(0.5), [rx("c", **HEAVY), [ty(0.3), [rz("d", **HEAVY)]]]]])
+    mechanism = Mechanism(
+        [free("b", axes="xyz", **HEAVY), [tx(0.5), [rx("c", **HEAVY), [ty(0.3), [rz("d", **HEAVY)]]]]]
+    )
     vi = MidpointVI(mechanism)
     q = np.zeros(mechanism.nq)
     v = np.random.default_rng(14).uniform(-0.5, 0.5, mechanism.nq)
@@ -382,7 +386,7 @@ def test_total_momentum_is_kept_where_nothing_acts():
     assert drift[:3].max() < 1e-11
     # The scheme keeps the momentum of its own variables; the angular one follows to its order.
     assert drift[3:].max() < 1e-7
-    gravity = Mechanism([free("b", **HEAVY)], [Gravity((0, 0, -10.0))])
+    gravity = Mechanism([free("b", axes="xyz", **HEAVY)], [Gravity((0, 0, -10.0))])
     vi = MidpointVI(gravity)
     fall = vi.simulate(vi.start(np.zeros(6)), np.linspace(0.0, 0.5, 101))
     middle = gravity.total_momentum(0.5 * (fall.q[1:] + fall.q[:-1]), fall.v)

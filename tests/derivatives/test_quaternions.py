@@ -10,14 +10,20 @@ import pytest
 from leastaction import _core
 from leastaction.mechanics import (
     BodyWrench,
+    CoulombFriction,
+    Damping,
     Distance,
     Element,
     Gravity,
+    JointForce,
+    JointSpring,
     LinearDamper,
     LinearSpring,
     Mechanism,
     MidpointVI,
+    NonlinearDamping,
     PointToPoint,
+    Servo,
     ball,
     free,
     project_velocity,
@@ -150,11 +156,24 @@ def tumbling(*elements: Element) -> Mechanism:
 FORCES = (LinearSpring("toe", "left", 40.0, 0.3), LinearDamper("toe", "hand", 0.7))
 WRENCH = BodyWrench("foot", force=(0.1, "push", 0.0), torque=("roll", 0.3, "yaw"))
 ROD = Distance("toe", "hand", 0.9, name="rod")
+# What acts on the turns of the joints themselves, one by one and in sums with other variables.
+AT_JOINTS = (
+    Damping({"base.wy": 0.3, "hip.wx": 0.05, "knee": 0.1}),
+    NonlinearDamping({"hip.wy": 0.7, "knee": -0.4, "hip.wz": 0.2}, (0.1, 0.02)),
+    CoulombFriction("hip.wz", 0.2, 1.5),
+    JointForce("base.wx", "roll"),
+    JointForce({"hip.wx": 0.6, "hip.wz": -0.3, "knee": 1.2}, "push"),
+    JointSpring("hip.wx", 1.5, 0.3),
+    JointSpring({"base.wz": 0.4, "knee": 1.0, "hip.wy": -0.8}, 0.9, -0.2),
+    Servo("hip.wy", "yaw", gain=0.8, stiffness=0.8, damping=0.1),
+)
 PIN = PointToPoint("left", "hand", name="pin")
 
 
 @pytest.mark.parametrize(
-    "elements", [(), FORCES, (WRENCH,), (ROD,), (PIN, *FORCES, WRENCH)], ids=["free", "forces", "wrench", "rod", "all"]
+    "elements",
+    [(), FORCES, (WRENCH,), (ROD,), AT_JOINTS, (PIN, *FORCES, WRENCH)],
+    ids=["free", "forces", "wrench", "rod", "at joints", "all"],
 )
 def test_derivatives_are_those_of_differences(elements: tuple[Element, ...]) -> None:
     m = tumbling(*elements)
@@ -200,15 +219,14 @@ def test_derivatives_are_those_of_differences(elements: tuple[Element, ...]) -> 
 
 def test_parameters() -> None:
     """Numbers of elements, masses and the length of a step, against differences."""
-    m = tumbling(*FORCES, WRENCH)
+    m = tumbling(*FORCES, WRENCH, *AT_JOINTS)
     vi = MidpointVI(m, tolerance=1e-15)
     rng = np.random.default_rng(5)
     run = vi.simulate(
         vi.start(m.configuration(), rng.standard_normal(m.nv) * 3.0), [0.0, 0.06], inputs=[0.2, 0.1, -0.3]
     )
-    names = ["base.mass", "foot.inertia.xy", "leg.com.x", "LinearDamper.coefficient", "BodyWrench.torque.y"]
-    names = [name for name in names if name in m.parameters]
-    assert len(names) >= 3
+    names = ["base.mass", "foot.inertia.xy", "leg.com.x", "body_wrench(foot).ty", "damping.base.wy", "damping.knee"]
+    names += ["joint_spring(hip.wx).rest", "nonlinear_damping(hip.wy, knee, hip.wz).factors.hip.wy"]
     found = vi.differentiate_by(run, names).x[0]
     for column, name in enumerate(names):
         h, ends = 1e-4, []

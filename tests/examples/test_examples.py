@@ -214,6 +214,41 @@ def test_satellite(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found.t[-1] > 2.0 * np.sqrt(np.pi * inertia / torque)
 
 
+def test_quadrotor(monkeypatch: pytest.MonkeyPatch) -> None:
+    quad, found = example("26_quadrotor", monkeypatch)
+    assert found.status is Status.CONVERGED
+    run = found.trajectory
+    # All the way round, about its own axis, and not there and back.
+    assert run.v[:, 3] @ np.diff(run.t) == pytest.approx(-2.0 * np.pi, abs=0.05)
+    assert run["drone.qw"].min() < -0.99 or run["drone.qw"][0] * run["drone.qw"][-1] < 0.0
+    np.testing.assert_allclose(run.q[-1, :3], [0.0, 1.2, 1.0], atol=1e-7)
+    assert np.abs(run.p[-1]).max() < 1e-7
+    R = quad.DRONE.frame_pose(run.q, "drone")[:, :3, :3]
+    assert R[40, 2, 2] < -np.cos(0.2) + 1e-6
+    assert np.abs(run.q[40, [0, 2]] - [0.0, 1.3]).max() < 0.05 + 1e-6
+    assert found.u.min() >= 0.0
+    assert found.u.max() <= 3.0
+
+
+def test_stewart_platform(monkeypatch: pytest.MonkeyPatch) -> None:
+    stewart, found = example("27_stewart_platform", monkeypatch)
+    assert found.status is Status.CONVERGED
+    m, q = stewart.STEWART, found.trajectory.q
+    assert np.abs(m.constraint_values(q)).max() < 1e-12
+    strokes = np.stack([found[f"stroke {i}"] for i in stewart.LEGS])
+    assert strokes.max() == pytest.approx(1.35, abs=1e-6)
+    assert np.abs(np.diff(strokes)).max() / 0.025 == pytest.approx(1.0, abs=1e-6)
+    # Legs are as long as their ends are apart, and turn as these do.
+    sockets = m.positions(q, [f"socket {i}" for i in stewart.LEGS])
+    np.testing.assert_allclose(np.linalg.norm(sockets - stewart.FEET, axis=2), strokes.T, atol=1e-12)
+    # As no limit holds it, it does as is wanted.
+    R = m.frame_pose(q, "platform")[:, :3, :3]
+    off = np.array([np.degrees(np.arccos((stewart.lean(t)[:, 2] @ each[:, 2]).clip(-1.0, 1.0)))
+                    for t, each in zip(stewart.T, R, strict=True)])  # fmt: skip
+    assert off[[0, 5, -5, -1]].max() < 0.5
+    assert 5.0 < off.max() < 20.0
+
+
 # The systems of the dissertation's examples
 
 

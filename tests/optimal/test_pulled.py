@@ -29,7 +29,7 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics import expressions as ex
 from leastaction.mechanics.discrete.midpoint import Split
 from leastaction.optimal import Parameter, QuadraticCost, Status
-from leastaction.optimal.discrete.system import FINAL_TIME
+from leastaction.optimal.system import FINAL_TIME
 from leastaction.systems import PulledSystem
 from optimal.systems import rolled_out
 

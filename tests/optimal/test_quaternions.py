@@ -4,10 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from leastaction.mechanics import BodyWrench, Mechanism, MidpointVI, ball, rz
+from leastaction import _core
+from leastaction.mechanics import (
+    BodyWrench,
+    Distance,
+    Gravity,
+    JointForce,
+    Mechanism,
+    MidpointVI,
+    ball,
+    project_configuration,
+    rz,
+    tx,
+    ty,
+)
 from leastaction.optimal import Bound, QuadraticCost, Status, check_derivatives, optimize
-from leastaction.systems import MidpointSystem
+from leastaction.optimal.quantity import Samples
+from leastaction.systems import MidpointSystem, embed, relax, tracking, warm_start
 
 AXIS = np.array([0.48, 0.6, 0.64])
 N = 40
@@ -80,3 +95,95 @@ def test_with_bounds_on_torques() -> None:
     assert found.status is Status.CONVERGED
     assert np.abs(found.u).max() <= 2.5
     assert np.abs(found.u).max() > 2.4
+
+
+def test_limits_on_angular_velocities() -> None:
+    """Mean ones over steps, those of a wheel behind the joint beside them."""
+    system = satellite()
+    cost, x0 = to_attitude(system, 2.5)
+    quantity = system.quantity("rate")
+    assert quantity.names == system.mechanism.variables
+    limits = [Bound("hull.w*", -1.0, 1.0, of="rate"), Bound("wheel", -0.9, 0.99, of="rate")]
+    found = optimize(system, cost, limits=limits, initial=(x0, np.zeros((N, 3))))
+    assert found.status is Status.CONVERGED
+    v = system.trajectory(found.x, found.u).v
+    # The wheel spins at 1 rad/s as it begins, and nothing but its own rotation takes part of that away.
+    assert 0.99 < np.abs(v[:, :3]).max() < 1.0 + 1e-6
+    assert v[:, 3].max() < 0.99 + 1e-6
+
+
+def test_derivatives_of_angular_velocities() -> None:
+    system = satellite()
+    m, rng = system.mechanism, np.random.default_rng(7)
+    quantity = system.quantity("rate").select([0, 2, 3])
+    x = np.zeros((2, 3, system.nx))
+    x[:, :, : m.nq] = rng.standard_normal((2, 3, m.nq))
+    x[:, :, :4] /= np.linalg.norm(x[:, :, :4], axis=2, keepdims=True)
+    k, y = np.arange(3), rng.standard_normal((3, 3))
+
+    def values(d: np.ndarray) -> np.ndarray:
+        ends = [system.plus(each, part) for each, part in zip(x, np.split(d, 2, axis=1), strict=True)]
+        return quantity.values(Samples(k, ends[0], np.zeros((3, 3)), ends[1]))
+
+    columns = quantity.columns(system.ndx, 3)
+    at = np.where(columns >= system.ndx + 3, columns - 3, columns)
+    here = Samples(k, x[0], np.zeros((3, 3)), x[1])
+    first, second = np.zeros((3, 3, 2 * system.ndx)), np.zeros((3, 2 * system.ndx, 2 * system.ndx))
+    first[:, :, at] = quantity.jacobian(here)
+    second[:, at[:, None], at] = quantity.curvature(here, y)
+    for _ in range(6):
+        e, h = rng.standard_normal((3, 2 * system.ndx)), 1e-3
+        e[:, [4, 5, 6, 7, 12, 13, 14, 15]] = 0.0  # momenta
+        ends = [values(step * h * e) for step in (-2, -1, 0, 1, 2)]
+        slope = (ends[0] - 8.0 * ends[1] + 8.0 * ends[3] - ends[4]) / (12.0 * h)
+        bend = (-ends[0] + 16.0 * ends[1] - 30.0 * ends[2] + 16.0 * ends[3] - ends[4]) / (12.0 * h**2)
+        assert np.abs(np.einsum("kmi,ki->km", first, e) - slope).max() < 1e-8 * np.abs(slope).max()
+        assert (
+            np.abs(np.einsum("ki,kij,kj->k", e, second, e) - np.sum(y * bend, axis=1)).max() < 1e-5 * np.abs(bend).max()
+        )
+
+
+def test_costs_by_name() -> None:
+    system = satellite()
+    turned = Rotation.from_rotvec(0.7 * AXIS)
+    weights = {"hull.w?": 100.0, "*.v": 0.1, "p_wheel": 0.01}
+    cost = tracking(system, weights, {"hull": turned.as_matrix(), "wheel": 0.4}, effort=0.01)
+    assert cost.x_wanted[0, :5] == pytest.approx([*np.roll(turned.as_quat(), 1), 0.4])
+    assert np.diag(cost.Q[0])[:4] == pytest.approx([100.0, 100.0, 100.0, 0.0])
+    m = system.mechanism
+    inverse = np.linalg.inv(m.mass_matrix(m.configuration()))
+    assert cost.Q[0, 4:, 4:] == pytest.approx(0.1 * inverse @ inverse + np.diag([0, 0, 0, 0.01]))
+    over_time = tracking(system, weights, {"hull": lambda t: Rotation.from_rotvec(t * AXIS).as_matrix()})
+    assert over_time.x_wanted[-1, 0] == pytest.approx(np.cos(1.0))
+    found = optimize(system, cost, initial=(system.integrator.start(m.configuration()).x, np.zeros((N, 3))))
+    assert found.status is Status.CONVERGED
+    missing = turned.inv() * Rotation.from_quat(np.roll(found.x[-1, :4], -1))
+    assert missing.magnitude() < 0.01
+
+
+def hanging(length: float | str = 0.5) -> Mechanism:
+    """A body on a ball joint, and a rod from its end to a point of the world."""
+    arm = ball("arm", axes="quaternion", mass=1.0, com=(0.2, 0.0, 0.0), inertia=(0.01, 0.02, 0.02))
+    tree = [arm, [tx(0.4, name="tip")], tx(0.3), [ty(0.4, name="post")]]
+    rod = Distance("tip", "post", length, name="rod")
+    return Mechanism(tree, [Gravity(), *[JointForce(f"arm.w{x}", f"u{x}") for x in "xyz"], rod])
+
+
+def test_ways_to_a_first_motion_with_a_closed_loop() -> None:
+    m = hanging()
+    vi, t = MidpointVI(m), np.linspace(0.0, 0.5, 26)
+    system = MidpointSystem(vi, t)
+    start = vi.start(project_configuration(m, m.configuration()).q)
+    cost = tracking(system, {"arm.w*": 1.0, "*.v": 1e-3}, start.x, effort=1e-3)
+    x0, still = start.x, np.zeros((25, 3))
+    plain = optimize(system, cost, initial=(x0, still))
+    assert plain.status is Status.CONVERGED
+    for way in (relax, embed):
+        found = way(system, cost, initial=(np.tile(x0, (26, 1)), still))
+        assert found.success, found.message
+        assert found.cost == pytest.approx(plain.cost, rel=1e-4)
+    # The same motion on half the steps.
+    coarse = MidpointSystem(vi, t[::2])
+    x, _ = warm_start(plain, system, coarse)
+    off = _core.difference(m.core, x[1:, : m.nx].copy(), plain.x[2::2, : m.nx].copy())[:, : m.nv]
+    assert np.abs(off).max() < 1e-6

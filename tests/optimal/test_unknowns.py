@@ -823,13 +823,6 @@ def test_what_is_wrong_is_named_at_once() -> None:
         Periodic("a", offset=0.4)
 
 
-def test_unknowns_of_a_continuous_system_are_refused() -> None:
-    system = la.MechanismSystem(four_bars())
-    cost = la.ContinuousQuadraticCost(np.zeros(4), np.zeros(1), Q=np.ones(4), R=np.ones(1))
-    with pytest.raises(ArgumentError, match="unknowns: got some for a continuous system"):
-        optimize(system, cost, initial=(np.zeros(4), np.zeros(1)), horizon=(0.0, 1.0), unknowns=[FinalTime()])
-
-
 def test_what_nothing_tells_of_cannot_be_found() -> None:
     system = slide(10)
     cost = nothing_wanted(system, Q=[0.0, 0.0], R=[1.0])

@@ -302,7 +302,7 @@ def test_compositions_are_their_simple_joints():
 def test_a_prescribed_free_joint_carries_what_hangs_on_it():
     """A pendulum on a hand: massless prescribed frames, and only the acceleration of the hand acts."""
     mechanism = Mechanism(
-        [free("hand", kinematic=True), [ry("swing"), [tz(-1.0, name="bob", mass=1.0)]]],
+        [free("hand", axes="xyz", kinematic=True), [ry("swing"), [tz(-1.0, name="bob", mass=1.0)]]],
         [Gravity((0, 0, -9.8))],
     )
     assert (mechanism.nd, mechanism.nrho) == (1, 6)

@@ -24,7 +24,7 @@ def turning(mechanism, name, angle, rate, t, **others):
 
 
 def test_a_motion_through_the_singularity_warns_with_joint_angle_step_and_time():
-    mechanism = Mechanism([ball("hip", **BODY)])
+    mechanism = Mechanism([ball("hip", axes="xyz", **BODY)])
     t = np.linspace(0.0, 1.0, 101)
     with pytest.warns(SingularityWarning) as caught:
         motion = turning(mechanism, "hip.ry", 1.0, 1.0, t)
@@ -40,7 +40,7 @@ def test_a_motion_through_the_singularity_warns_with_joint_angle_step_and_time()
 
 
 def test_a_motion_that_stays_away_does_not_warn():
-    mechanism = Mechanism([free("torso", **BODY)])
+    mechanism = Mechanism([free("torso", axes="xyz", **BODY)])
     turning(mechanism, "torso.ry", 0.0, 1.0, np.linspace(0.0, 1.0, 101))
     # Other angles may be what they like.
     turning(mechanism, "torso.rx", 1.4, 1.0, np.linspace(0.0, 1.0, 101))
@@ -48,7 +48,7 @@ def test_a_motion_that_stays_away_does_not_warn():
 
 @pytest.mark.filterwarnings("ignore::leastaction.errors.CoarseStepWarning")
 def test_a_long_step_over_the_singularity_is_seen_too():
-    mechanism = Mechanism([ball("hip", **BODY)])
+    mechanism = Mechanism([ball("hip", axes="xyz", **BODY)])
     for angle, rate in ((1.4, 4.0), (-1.4, -4.0), (1.8, -4.0)):
         with pytest.warns(SingularityWarning, match=r"'hip'.*step 1, t = 0\.1 s"):
             turning(mechanism, "hip.ry", angle, rate, [0.0, 0.1, 0.2])
@@ -74,9 +74,9 @@ def test_the_angle_counts_not_the_variable():
 def test_every_joint_warns_once_and_prescribed_ones_never():
     # The angles of a prescribed joint are given, so nothing has to be found where they are singular.
     mechanism = Mechanism([
-        ball("one", **BODY), [ball("two", **BODY)],
-        ball("held", kinematic=True, **BODY),
-        ball("led", kinematic=["led.rx"], **BODY),
+        ball("one", axes="xyz", **BODY), [ball("two", axes="xyz", **BODY)],
+        ball("held", axes="xyz", kinematic=True, **BODY),
+        ball("led", axes="xyz", kinematic=["led.rx"], **BODY),
     ])  # fmt: skip
     near = {f"{name}.ry": 1.55 for name in ("one", "two", "held", "led")}
     vi = MidpointVI(mechanism)
@@ -88,7 +88,7 @@ def test_every_joint_warns_once_and_prescribed_ones_never():
 
 
 def test_a_single_step_warns():
-    mechanism = Mechanism([tz(1.0), [ball("hip", **BODY)]])
+    mechanism = Mechanism([tz(1.0), [ball("hip", axes="xyz", **BODY)]])
     vi = MidpointVI(mechanism)
     state = vi.start([0.0, 1.5, 0.0], [0.0, 1.0, 0.0])
     state = vi.step(state, 0.02).state  # 1.52: 0.0508 from the singularity
@@ -119,7 +119,7 @@ def test_near_the_singularity_angles_turn_as_much_faster_as_is_said(axes):
 def test_the_warning_is_as_wide_as_accuracy_suffers_and_part_of_the_run():
     """A body that turns at 5 rad/s with steps of 10 ms, against its rotation as a quaternion."""
     inertia = np.array([0.1, 0.25, 0.3])
-    mechanism = Mechanism([ball("b", mass=1.0, inertia=tuple(inertia))])
+    mechanism = Mechanism([ball("b", axes="xyz", mass=1.0, inertia=tuple(inertia))])
     vi, t = MidpointVI(mechanism), 0.01 * np.arange(101)
 
     def rates(_: float, y: np.ndarray) -> np.ndarray:

@@ -141,7 +141,10 @@ def test_sliders_move_the_joints(browser: Browser, tmp_path: Path) -> None:
             tx("x", name="cart", mass=1.0),
             [
                 screw("s", axis=(0, 1, 1), point=(0.1, 0, 0.2), pitch=0.3, mass=1.0),
-                [ty(0.5), [ball("b"), [tx({"x": -0.5, "s": 0.2}, offset=0.3), [tz(0.4, name="tip", mass=1.0)]]]],
+                [
+                    ty(0.5),
+                    [ball("b", axes="xyz"), [tx({"x": -0.5, "s": 0.2}, offset=0.3), [tz(0.4, name="tip", mass=1.0)]]],
+                ],
             ],
         ]
     )

@@ -47,7 +47,7 @@ def test_a_body_is_drawn_as_the_box_that_has_its_inertia() -> None:
     inertia = m / 12.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
     sides, _ = equivalent_box(Body(m, inertia=inertia))
     np.testing.assert_allclose(np.sort(sides), [a, b, c])
-    scene = only(show(Mechanism([free("f", mass=m, inertia=inertia, name="box")])))
+    scene = only(show(Mechanism([free("f", axes="xyz", mass=m, inertia=inertia, name="box")])))
     (shape,) = scene.shapes
     assert shape.kind == "box"
     assert shape.frame == "box"

@@ -21,7 +21,7 @@ def normal(m: Mechanism) -> np.ndarray | None:
 
 @pytest.mark.parametrize("g", [(0, 0, -9.81), (0, -9.81, 0), (3.0, 0, 0), (1.0, -2.0, 0.5)])
 def test_up_is_against_gravity(g: tuple[float, float, float]) -> None:
-    m = Mechanism([ball("b", **BOB)], [Gravity(g)])
+    m = Mechanism([ball("b", axes="xyz", **BOB)], [Gravity(g)])
     up = upward(m, None, None)
     np.testing.assert_allclose(up, -np.array(g) / np.linalg.norm(g))
     turn = upright(up)

@@ -56,6 +56,7 @@ def optimize(
     resume: ContinuousOptimizationResult | None = ...,
     limits: Sequence[Limit] = ...,
     free_start: bool | Sequence[str] = ...,
+    unknowns: Sequence[Unknown] = ...,
     options: Options | None = ...,
     callback: Callback | None = ...,
     **settings: Any,
@@ -106,8 +107,9 @@ def optimize(
         ``system.quantity("state")``) with wildcards. It stays on the constraints of a mechanism. The cost has to
         weigh what is free; at the start itself limits hold as well then. `Periodic` among the limits has it return.
     unknowns : sequence of Parameter or FinalTime, optional
-        Numbers of a discrete system that are found too: parameters of a mechanism, the final time. What is found is in
-        ``result.unknowns``, and the motion is one of ``system.with_parameters(result.unknowns)``.
+        Numbers that are found too: parameters of a mechanism, the final time. What is found is in ``result.unknowns``,
+        and the motion is one of ``system.with_parameters(result.unknowns)``. In continuous time all goes on a mesh, and
+        the final time belongs to the horizon, not to the system.
     options : Options, optional
         All other settings; see `Options`, and the notes below.
     callback : callable, optional

@@ -36,9 +36,10 @@ from leastaction.optimal.remembered.extension import Remembered, needed_by
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.search.problem import DiscreteProblem
 from leastaction.optimal.system import check_system
-from leastaction.optimal.unknowns.extension import Extension, checked_unknowns
+from leastaction.optimal.unknowns.continuous.extension import ContinuousExtension
+from leastaction.optimal.unknowns.extension import Extension
 from leastaction.optimal.unknowns.periodic import Periodic
-from leastaction.optimal.unknowns.unknown import Parameter, Unknown
+from leastaction.optimal.unknowns.unknown import Parameter, Unknown, checked_unknowns
 from leastaction.optimal.ways import WAYS
 from leastaction.optimal.ways.resolved import resumed as resume_within
 
@@ -168,12 +169,19 @@ class Optimizer:
                     initial = None if initial is None else way.start(initial)
                     callback = way.callback(callback)
             if resume is not None:
-                _check_unknowns(resume, extension)
-        with _one_thread() if isinstance(self._problem, Collocation) else nullcontext():
+                _check_unknowns(resume, () if extension is None else extension.system.names)
+        else:
+            if isinstance(self._problem, ContinuousExtension):
+                callback = self._problem.callback(callback)
+            elif resume is not None:
+                _check_unknowns(resume, ())
+        with _one_thread() if isinstance(self._problem, Collocation | ContinuousExtension) else nullcontext():
             loop = Loop(self._begun(initial, resume), self.options, callback, resume, self.ways)
             if resume is not None and resume.memory is not None and resume.memory.resolved is not None:
                 resume_within(loop.progress, resume, resume.memory)
             result = loop.run()
+        if isinstance(self._problem, ContinuousExtension):
+            result = self._problem.result(result)
         result = result if extension is None else extension.result(result)
         result = result if self._remembered is None else self._remembered.result(result)
         return self._doubted(result, warn=warn)
@@ -181,7 +189,7 @@ class Optimizer:
     def _begun(self, initial: Any, resume: OptimizationResult | None) -> Problem[Any, Any, Any]:
         """Return the problem at its first iterate, with the memory that the last run has worked in."""
         given = self._problem
-        if isinstance(given, Collocation):
+        if isinstance(given, Collocation | ContinuousExtension):
             return given.start(initial) if resume is None else given.resume(resume)
         if isinstance(given, ContinuousProblem):
             problem = ContinuousProblem(given.system, given.cost, self.options, given.accuracy, self.horizon)
@@ -327,26 +335,21 @@ class Optimizer:
         gapped = "at once" if settings.shooting == "multiple" else gapped
         return DiscreteProblem(system, cost, settings, rows, free, gapped, final_time=final_time)
 
-    def _continuous(self) -> Collocation | ContinuousProblem:
+    def _continuous(self) -> Collocation | ContinuousProblem | ContinuousExtension:
         """Return the problem in continuous time, on a mesh where something asks for it."""
         system, cost, settings = cast(ContinuousSystem, self.system), cast(ContinuousCost, self.cost), self.options
         if settings.shooting == "multiple":
             raise ArgumentError(f"shooting: got {settings.shooting!r} for a continuous system, expected 'single'")
-        if self.unknowns:
-            raise ArgumentError(
-                "unknowns: got some for a continuous system, expected none: they are for discrete systems"
-            )
-        if any(isinstance(limit, Periodic) for limit in self.limits):
-            raise ArgumentError(
-                f"limits: got a Periodic for {type(system).__name__}, expected a discrete system for a motion that "
-                "returns; in continuous time `Equal` asks for a given last state"
-            )
         if system.charts() is not None:
             raise ArgumentError(
                 f"system: got a {type(system).__name__} whose states are no plain vectors, expected plain ones in "
                 "continuous time; in steps of time, DiscreteSystem, they may be any"
             )
         accuracy = settings.accuracy or Accuracy()
+        if self.unknowns or any(isinstance(limit, Periodic) for limit in self.limits):
+            return ContinuousExtension(
+                system, cost, self.unknowns, self.limits, settings, accuracy, self.horizon, self.free_start
+            )
         if self.limits or self.free_start is not False or settings.collocate:
             return Collocation(system, cost, self.limits, settings, accuracy, self.horizon, self.free_start)
         return ContinuousProblem(system, cost, settings, accuracy, self.horizon)
@@ -376,8 +379,7 @@ def _libraries() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def _check_unknowns(resume: OptimizationResult, extension: Extension | None) -> None:
-    names = () if extension is None else extension.system.names
+def _check_unknowns(resume: OptimizationResult, names: Sequence[str]) -> None:
     others = [name for name in resume.unknowns if name not in names]
     if others:
         raise ArgumentError(

@@ -18,9 +18,10 @@ newton              x          x             x
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,11 @@ from leastaction.optimal.quantity import Entries, Quantity
 from leastaction.optimal.space import DifferencedSpace, StateSpace, Vectors
 
 SecondOrder = Callable[[Array], Array]
+
+FINAL_TIME = "final time"
+"""The name among a system's parameters of the time (s) at which its horizon ends, where that can be changed."""
+
+_NOTHING: Mapping[str, float] = MappingProxyType({})
 
 
 @public
@@ -259,6 +265,31 @@ class System(ABC):
     def moved_start(self, x: Array, dx: Array) -> Array:
         """Return an initial state moved by dx along its directions, brought back to where it may be."""
         return self.plus(x, dx)
+
+    def returning_entries(self, names: Sequence[str], what: str) -> list[int]:
+        """Return the places of entries with these names that are the same again in a periodic motion."""
+        return self.free_entries(names, what)
+
+    def idle_directions(self, x: Array) -> Array:  # noqa: ARG002 - overridden
+        """Return the directions (ndx, n) of an initial state on which no motion depends."""
+        return np.zeros((self.ndx, 0))
+
+    # ---- Parameters: what can be found together with a motion ---------------------------------------
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Values by name of the numbers that can be found together with a motion; of most systems there are none."""
+        return _NOTHING
+
+    def conditions_of(self, names: Sequence[str]) -> list[Quantity]:  # noqa: ARG002 - overridden
+        """Return what must not be negative for there to be such a system, of some parameters as states (n, P)."""
+        return []
+
+    def start_by_parameters(self, x: Array, names: Sequence[str], free: bool | Sequence[str]) -> Array:  # noqa: ARG002
+        """Return how an initial state x (nx,) has to follow parameters, (ndx, len(names)), as far as it is free."""
+        return np.zeros((self.ndx, len(names)))
+
+    # ---- What can be limited ------------------------------------------------------------------------
 
     @property
     def quantities(self) -> tuple[str, ...]:

@@ -20,6 +20,7 @@ from leastaction.mechanics.configuration.null_space import NullSpace
 from leastaction.mechanics.continuous.legendre import to_velocity
 from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.turns import difference, moved_by
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.optimizer import optimized
@@ -135,7 +136,7 @@ def _names(m: Mechanism, modes: list[_Mode]) -> str:
 
 def _place(m: Mechanism, mode: _Mode) -> str:
     """Return the first configuration of a mode in words."""
-    return some([f"{name} = {value:.6g}" for name, value in zip(m.variables, mode.x[: m.nq], strict=True)], 6)
+    return some([f"{name} = {value:.6g}" for name, value in zip(m.coordinates, mode.x[: m.nq], strict=True)], 6)
 
 
 def _decides(system: MidpointSystem, x: Array) -> bool:
@@ -150,7 +151,7 @@ def _decides(system: MidpointSystem, x: Array) -> bool:
 def _inputs(system: MidpointSystem, x: Array, u: Array) -> Array:
     """Return inputs (N, nu) that hold what is prescribed where a state (nx,) has it."""
     m, held = system.mechanism, u.copy()
-    held[:, m.n_inputs :] = x[m.nd : m.nq]
+    held[:, m.n_inputs :] = x[m.nq - m.nrho : m.nq]
     return held
 
 
@@ -170,7 +171,12 @@ def _modes(system: MidpointSystem, cost: Cost, x: Array, u: Array) -> list[_Mode
     hold = _enough(m, q)
     free = np.array([i for i, name in enumerate(m.variables[: m.nd]) if name not in hold], dtype=np.intp)
     turns = np.array([m.units.get(m.variables[i]) == "rad" for i in free], dtype=bool)
-    size = np.where(turns, np.pi, 2.0 * (1.0 + np.abs(q[free])))
+    # Angles wind, quaternions do not.
+    plain = np.array([m.variables[i] in m.coordinates for i in free], dtype=np.bool_)
+    places = [m.coordinates.index(m.variables[i]) for i in free[plain]]
+    angles = np.array(places, dtype=np.intp)[turns[plain]]
+    size = np.full(len(free), np.pi)
+    size[plain] = np.where(turns[plain], np.pi, 2.0 * (1.0 + np.abs(q[places])))
 
     def costs(place: Array) -> float:
         still = np.tile(place, (system.N + 1, 1))
@@ -179,18 +185,19 @@ def _modes(system: MidpointSystem, cost: Cost, x: Array, u: Array) -> list[_Mode
 
     random, seen, found = np.random.default_rng(0), [q], [_Mode(_state(system, q, v), costs(q), ())]
     for _ in range(_STARTS if len(free) else 0):
-        start = q.copy()
-        start[free] += random.uniform(-1.0, 1.0, len(free)) * size
+        move = np.zeros(m.nv)
+        move[free] = random.uniform(-1.0, 1.0, len(free)) * size
+        start = moved_by(m, q, move)
         try:
-            other = _unwound(m, project_configuration(m, start, hold=hold).q, q, free[turns])
-            if min(np.abs(other - each).max() for each in seen) < _SAME:
+            other = _unwound(m, project_configuration(m, start, hold=hold).q, q, angles)
+            if min(np.abs(difference(m, other, each)).max() for each in seen) < _SAME:
                 continue
             seen.append(other)
-            other = _wound(m, other, free[turns], costs)
+            other = _wound(m, other, angles, costs)
             state = _state(system, other, project_velocity(m, other, v, hold=hold).v)
         except LeastActionError:
             continue
-        found.append(_Mode(state, costs(other), _closing(m, q, np.abs(other - q) > _SAME)))
+        found.append(_Mode(state, costs(other), _closing(m, q, np.abs(difference(m, other, q)) > _SAME)))
     return sorted(found, key=lambda mode: mode.cost)
 
 
@@ -199,7 +206,7 @@ def _enough(m: Mechanism, q: Array) -> list[str]:
     from scipy.linalg import qr  # slow to import, and not needed by most
 
     along = NullSpace.of(m.constraint_jacobian(q)[:, : m.nd]).basis
-    by_input = m.core.force_jacobians(np.ascontiguousarray(q), np.zeros(m.nq), np.zeros(m.n_inputs))[2]
+    by_input = m.core.force_jacobians(np.ascontiguousarray(q), np.zeros(m.nv), np.zeros(m.n_inputs))[2]
     driven = np.abs(by_input[: m.nd]).any(axis=1)
     _, _, order = qr((along * np.where(driven, _DRIVEN, 1.0)[:, None]).T, mode="economic", pivoting=True)
     return [m.variables[i] for i in order[: along.shape[1]]]

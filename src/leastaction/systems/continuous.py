@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -14,16 +14,20 @@ from leastaction.mechanics.configuration.assembly import project_configuration, 
 from leastaction.mechanics.configuration.null_space import NullSpace
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics, as_dynamics
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory
+from leastaction.mechanics.discrete.midpoint import MidpointVI
+from leastaction.mechanics.discrete.sensitivity import start_by, velocity_by
 from leastaction.mechanics.elements.units import rate_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.units import input_units, state_units
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.dataset import Dataset
+from leastaction.numerics.frozen import changed
 from leastaction.numerics.public import public
 from leastaction.optimal.continuous import ContinuousSystem
 from leastaction.optimal.quantity import Quantity
-from leastaction.optimal.system import Linearization
+from leastaction.optimal.system import FINAL_TIME, Linearization
 from leastaction.systems.quantities.continuous import KINDS, points_of, quantity_of
+from leastaction.systems.quantities.physical import conditions_of
 from leastaction.systems.saving import dataset_with_multipliers
 
 
@@ -117,6 +121,12 @@ class MechanismSystem(ContinuousSystem):
         return self.dynamics.curvature(*points_of(self.mechanism, x, u), t, z_a=z_a)
 
     @property
+    def autonomous(self) -> bool:  # type: ignore[override]
+        """Whether nothing depends on time: so of a mechanism, unless a subclass has rates of its own."""
+        kind = type(self)
+        return kind.rates is MechanismSystem.rates and kind.f is MechanismSystem.f
+
+    @property
     def quantities(self) -> tuple[str, ...]:
         return KINDS
 
@@ -153,6 +163,57 @@ class MechanismSystem(ContinuousSystem):
         return ContinuousTrajectory(
             m, result.t, q, inputs, found.lam, v=v, a=a, dense=result.dense.x, law=_InputsOver(result.dense.u)
         )
+
+    # ---- Parameters -------------------------------------------------------------------------------
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Those of the mechanism."""
+        return self.mechanism.parameters
+
+    def with_parameters(self, values: Mapping[str, float]) -> Self:
+        """Return the same system with other values of some parameters; errors as of `Mechanism.with_parameters`."""
+        return self._remade(self.mechanism.with_parameters(values))
+
+    def with_parameters_near(self, values: Mapping[str, float]) -> Self:
+        return self._remade(self.mechanism.with_parameters(values, allow_nonphysical=True))
+
+    def _remade(self, mechanism: Mechanism) -> Self:
+        own = self.dynamics
+        settings = {name: getattr(own, name) for name in ("constraint_damping", "constraint_stiffness", "threads")}
+        return changed(self, mechanism=mechanism, dynamics=ContinuousDynamics(mechanism, **settings))
+
+    def conditions_of(self, names: Sequence[str]) -> list[Quantity]:
+        return conditions_of(self.mechanism, names)
+
+    def start_by_parameters(self, x: Array, names: Sequence[str], free: bool | Sequence[str]) -> Array:
+        """Return how configuration and velocity follow parameters that change constraints, (nx, len(names)).
+
+        Raises
+        ------
+        ArgumentError
+            Where they would have to, and are not free.
+        """
+        m, out = self.mechanism, np.zeros((self.nx, len(names)))
+        numbers = [name for name in names if name != FINAL_TIME]
+        if not m.nc or not numbers:
+            return out
+        entries = () if free is False else range(m.nq) if free is True else self.free_entries(list(free))
+        hold = [name for i, name in enumerate(m.variables) if i not in entries]
+        columns = [list(names).index(name) for name in numbers]
+        q, v = np.ascontiguousarray(x[: m.nq]), np.ascontiguousarray(x[m.nq :])
+        try:
+            dq = start_by(MidpointVI(m, threads=1), q, numbers, hold)
+            dv = velocity_by(m, q, v, numbers, dq, hold)
+        except ArgumentError as error:
+            raise ArgumentError(
+                f"unknowns: too little of the start is free to follow: {error}, or give free_start=True"
+            ) from None
+        rows = np.arange(m.nd)[:, None]
+        out[rows, columns], out[m.nq + rows, columns] = dq, dv
+        return out
+
+    # ---- What it is asked -------------------------------------------------------------------------
 
     def input_name(self, i: int) -> str:
         """Return the name of an input, or of the prescribed variable whose acceleration it is."""

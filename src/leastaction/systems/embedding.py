@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from leastaction.errors import ArgumentError, LeastActionError, unknown
 from leastaction.mechanics.elements import Element, JointForce
-from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_number, require_instance
 from leastaction.numerics.public import public
@@ -117,7 +116,6 @@ def embed(
     check_stages(stage_iterations, stage_tolerance)
     check_last_limits(system, options)
     m, N = system.mechanism, system.N
-    angles_only(m, "embed")
     cost = cost.over(N)
     x, u = given_start(system, initial)
     limit = as_number(tolerance, "tolerance", above=0.0)
@@ -287,7 +285,7 @@ def _scale(m: Mechanism, elements: list[Element], x: Array, scale: ArrayLike | N
         if not np.all(sizes > 0.0):
             raise ArgumentError(f"scale: got {sizes.min():g}, expected positive numbers")
         return sizes
-    rest = np.zeros(m.nq)
+    rest = np.zeros(m.nv)
     rows = x[:: max(1, len(x) // 50), : m.nq]
     carried = np.abs([m.core.gradient(np.ascontiguousarray(q), rest)[0] for q in rows]).max(axis=0)
     much = carried + np.diag(m.mass_matrix(x[0, : m.nq]))
@@ -308,7 +306,7 @@ def _price(system: MidpointSystem, cost: Cost, x: Array, u: Array, n: int) -> fl
     if x.ndim == 2:
         values.append(cost.value(x, u))
     try:
-        run = system.rollout(reference[0], reference, u, np.zeros((N, system.nu, system.nx)), 0, N)
+        run = system.rollout(reference[0], reference, u, np.zeros((N, system.nu, system.ndx)), 0, N)
         if run.complete:
             values.append(cost.value(run.x, run.u))
     except LeastActionError:

@@ -32,10 +32,10 @@ from leastaction.numerics.dataset import Dataset
 from leastaction.numerics.frozen import changed, restore_state, saved_state
 from leastaction.numerics.public import public
 from leastaction.numerics.step_quality import StepQuality
-from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout, check_window
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, check_window
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.space import ProductSpace, Rotations, StateSpace, Vectors
-from leastaction.optimal.system import Linearization
+from leastaction.optimal.system import FINAL_TIME, Linearization
 from leastaction.systems.quantities.discrete import ACROSS, KINDS, quantity_of
 from leastaction.systems.quantities.physical import conditions_of
 from leastaction.systems.saving import dataset_with_multipliers

@@ -111,7 +111,6 @@ def relax(
     """
     _check(system, cost, options)
     m = system.mechanism
-    angles_only(m, "relax")
     names = _chosen(m, constraints)
     least, most = _range(stiffness)
     check_stages(stage_iterations, stage_tolerance)

@@ -13,8 +13,8 @@ from leastaction.mechanics.configuration.assembly import project_configuration, 
 from leastaction.mechanics.continuous.legendre import to_momentum, to_velocity
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.elements.base import Constraint
-from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.turns import interpolated, of_coordinates
 from leastaction.numerics.arrays import Array, as_array, require_instance
 from leastaction.numerics.public import public
 from leastaction.optimal.result import OptimizationResult
@@ -72,11 +72,9 @@ def warm_start(
     for what, system in (("from_system", from_system), ("to_system", to_system)):
         require_instance(system, what, MidpointSystem)
     old, new = from_system.mechanism, to_system.mechanism
-    for m in (old, new):
-        angles_only(m, "warm_start")
     x, u = _arrays(found, from_system)
     names = _names(old, rename)
-    variables = [names.get(name, name) for name in old.variables]
+    variables, places = ([names.get(name, name) for name in each] for each in (old.variables, old.coordinates))
     known = [name in variables for name in new.variables]
     if not any(known):
         raise ArgumentError(
@@ -87,14 +85,16 @@ def warm_start(
     q, v = _motion(old, x, t)
     lam = x[:, old.nx :] / np.append(t[1] - t[0], np.diff(t))[:, None] if from_system.multipliers else None
 
-    first = np.zeros(new.nq) if start is None else as_array(start.q, "start.q", (new.nq,), names=new.variables)
-    configurations = np.tile(first, (len(times), 1))
-    velocities = np.zeros((len(times), new.nq))
+    first = new.configuration() if start is None else as_array(start.q, "start.q", (new.nq,), names=new.coordinates)
+    configurations, between = np.tile(first, (len(times), 1)), interpolated(old, q, t, times)
+    velocities = np.zeros((len(times), new.nv))
     outside = (times < t[0]) | (times > t[-1])
+    for i, name in enumerate(new.coordinates):
+        if name in places:
+            configurations[:, i] = between[:, places.index(name)]
     for i, name in enumerate(new.variables):
         if known[i]:
             column = variables.index(name)
-            configurations[:, i] = np.interp(times, t, q[:, column])
             velocities[:, i] = np.where(outside, 0.0, np.interp(times, t, v[:, column]))
     configurations_onto_constraints(new, configurations, np.array(known), start)
     velocities_onto_constraints(new, configurations, velocities, np.array(known))
@@ -116,7 +116,7 @@ def warm_start(
     for i, name in enumerate(new.inputs):
         if name in spoken:
             inputs[:, i] = given[:, spoken.index(name)]
-    inputs[:, new.n_inputs :] = configurations[1:, new.nd :]
+    inputs[:, new.n_inputs :] = configurations[1:, new.nq - new.nrho :]
     return result, inputs
 
 
@@ -137,7 +137,7 @@ def _arrays(found: object, system: MidpointSystem) -> tuple[Array, Array]:
 def _names(old: Mechanism, rename: Mapping[str, str] | None) -> dict[str, str]:
     """Return the new names of those that change."""
     given = dict(rename or {})
-    known = (*old.variables, *old.inputs, *old.constraints)
+    known = (*dict.fromkeys((*old.variables, *old.coordinates)), *old.inputs, *old.constraints)
     for name in given:
         if name not in known:
             raise unknown("name", name, known, "rename")
@@ -145,7 +145,7 @@ def _names(old: Mechanism, rename: Mapping[str, str] | None) -> dict[str, str]:
 
 
 def _motion(m: Mechanism, x: Array, t: Array) -> tuple[Array, Array]:
-    """Return configurations (N+1, nq) and velocities (N+1, nq) of states."""
+    """Return configurations (N+1, nq) and velocities (N+1, nv) of states."""
     q, p, v_rho = x[:, : m.nq], x[:, m.nq : m.nq + m.nd], x[:, m.nq + m.nd : m.nx]
     if len(t) > 2:
         # Velocities over steps stand at their middles; at an instant it is the mean of two.
@@ -160,7 +160,7 @@ def configurations_onto_constraints(
     start: State | None,
     reach: Callable[[int, Array], None] | None = None,
 ) -> None:
-    """Bring configurations onto the constraints, in place, by what is not known of them if that is enough.
+    """Bring configurations onto the constraints, in place, by the variables not known of them if that is enough.
 
     ``reach``: moves the configuration of an instant, in place, to where it is wanted; what is not known of it, and what
     is reached, begins as it was an instant before.
@@ -169,10 +169,11 @@ def configurations_onto_constraints(
         q[0] = start.q
     projected = _projection(m, known)
     strings = {element.length_variable for element in m.elements.values() if isinstance(element, Constraint)}
-    lengths = [i for i, name in enumerate(m.variables) if name in strings and not known[i]]
+    kept = of_coordinates(m, known)
+    lengths = [i for i, name in enumerate(m.coordinates) if name in strings and not kept[i]]
     for k in range(len(q)):
         if k > 0:
-            q[k, ~known] = q[k - 1, ~known]
+            q[k, ~kept] = q[k - 1, ~kept]
         if k > 0 or start is None:
             for _ in range(1 if reach is None else _ROUNDS):
                 if reach is not None:

@@ -272,7 +272,7 @@ def test_limits_that_contradict_each_other_are_named():
         ([Bound("x[0]", 0.0, at=0.0)], ("initial state is fixed",)),
         ([Bound("x[0]", 0.0, at=3.5)], ("3.5", "from 0 to 3 s")),
         ([Bound("x[0]", 0.0, at="middle")], ("'middle'", "'end'")),
-        ([Periodic("*")], ("Periodic", "LinearContinuousSystem", "Equal")),
+        ([Periodic("*")], ("Periodic", "fixed initial state", "Equal")),
         ([3], ("limits[0]", "int")),
         ([Within(FunctionQuantity("f", lambda x: x))], ("'f'",)),
         ([Within(FunctionQuantity("f", lambda x: np.abs(x[:, 0])))], ("complex",)),

@@ -12,8 +12,9 @@ from leastaction.errors import ArgumentError, InconsistentStartError, some, wors
 from leastaction.mechanics.configuration.constraint_projection import ConstraintProjection
 from leastaction.mechanics.configuration.contradiction import contradictory, find_contradiction
 from leastaction.mechanics.configuration.null_space import Indices, free_variables, restoring, row_scales
-from leastaction.mechanics.mechanism.arguments import angles_only, rates, single
+from leastaction.mechanics.mechanism.arguments import rates, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.turns import difference
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, require_instance
 from leastaction.numerics.public import public
 
@@ -31,7 +32,8 @@ class ConfigurationProjection:
     q : ndarray, shape (nq,)
         The configuration.
     correction : dict of str to float
-        Change by variable name (m or rad), the largest first; only the variables that were free.
+        Change by variable name (m or rad), the largest first; only the variables that were free. Of a rotation that is
+        a quaternion the vector of the rotation between both, in its own axes.
     largest : float
         Largest magnitude among the changes.
     iterations : int
@@ -54,7 +56,7 @@ class VelocityProjection:
 
     Attributes
     ----------
-    v : ndarray, shape (nq,)
+    v : ndarray, shape (nv,)
         The velocity.
     correction : dict of str to float
         Change by variable name (m/s or rad/s), the largest first; only the variables that were free.
@@ -164,7 +166,7 @@ def project_configuration(
         Variables that must not move.
     move_kinematic : bool, optional
         Let the kinematic variables move too; they are held by default.
-    weights : mapping of str to float, or array_like of shape (nq,), optional
+    weights : mapping of str to float, or array_like of shape (nv,), optional
         Weight of the change of each variable, positive; 1 for those that are not named.
     tolerance : float, optional
         Largest ``|h_i| / max(1, |Dh_i|, |Dh_i|^2 / 4)`` of the result. The constraints are met to
@@ -192,8 +194,7 @@ def project_configuration(
         If no such configuration is found for another reason. Both carry the residuals by constraint name.
     """
     require_instance(mechanism, "mechanism", Mechanism)
-    angles_only(mechanism, "project_configuration")
-    start = as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
+    start = single(mechanism, q)
     free = free_variables(mechanism, hold, move_kinematic)
     as_count(attempts, "attempts", 1)
     as_count(max_iterations, "max_iterations", 0)
@@ -217,7 +218,7 @@ def project_configuration(
             "starting points be tried (attempts=)",
             residuals=residuals,
         )
-    correction, largest = _correction(mechanism, free, q_near - start)
+    correction, largest = _correction(mechanism, free, difference(mechanism, q_near, start))
     return ConfigurationProjection(q_near, correction, largest, iterations, residuals)
 
 
@@ -239,7 +240,7 @@ def project_velocity(
     mechanism : Mechanism
     q : array_like, shape (nq,)
         A configuration on the constraints.
-    v : array_like, shape (nq,)
+    v : array_like, shape (nv,)
         The wanted velocity.
     hold, move_kinematic, weights
         As in `project_configuration`, for the velocities.
@@ -302,7 +303,7 @@ def _weights(mechanism: Mechanism, weights: Mapping[str, float] | ArrayLike | No
     if weights is None:
         return np.ones(mechanism.nv)
     if isinstance(weights, Mapping):
-        values = mechanism.configuration(weights, default=1.0)
+        values = mechanism.velocity(weights, default=1.0)
     else:
         values = as_array(weights, "weights", (mechanism.nv,), names=mechanism.variables)
     for name, value in zip(mechanism.variables, values, strict=True):

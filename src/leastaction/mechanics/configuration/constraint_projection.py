@@ -2,9 +2,9 @@
 
     minimise 1/2 (q - q0)^T W (q - q0)   subject to   h(q) = 0
 
-over the free entries of q, W diagonal, by sequential quadratic programming in ``s = W^(1/2) (q - q0)``, where
-the metric is the identity, with steps as in `leastaction.mechanics.configuration.null_space`: the slope is s, and
-``B = 1 + sum_i lam_i d2h_i``.
+over the free variables, W diagonal, by sequential quadratic programming in ``s = W^(1/2) (q - q0)``, where ``q - q0``
+is the rotation vector between them of a rotation that is a quaternion, and the metric is the identity, with steps as in
+`leastaction.mechanics.configuration.null_space`: the slope is s, and ``B = 1 + sum_i lam_i d2h_i``.
 
 The curvature of the constraints in B makes the convergence quadratic however far q0 is; without it the iteration
 diverges as soon as the correction is longer than the radius of curvature. Where ``Z^T B Z`` is not positive definite,
@@ -26,6 +26,7 @@ from leastaction.mechanics.configuration.null_space import (
     row_scales,
 )
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.turns import difference, moved_by, turned
 from leastaction.numerics.arrays import Array
 
 # Part of the squared residual that a motion of size one may lessen, to first order, where it counts as least.
@@ -44,7 +45,7 @@ _QUIET = np.errstate(over="ignore", invalid="ignore")
 class ConstraintProjection:
     """A least-change problem.
 
-    ``mechanism``: whose constraints are h. ``start`` (nq,): the wanted point q0. ``free`` (n_free,): the entries of q
+    ``mechanism``: whose constraints are h. ``start`` (nq,): the wanted point q0. ``free`` (n_free,): the variables
     that may change. ``root`` (n_free,): square roots of their weights.
     """
 
@@ -106,9 +107,17 @@ class ConstraintProjection:
         return self._polish(s), steps
 
     def _configuration(self, s: Array) -> Array:
-        q = self.start.copy()
-        q[self.free] += s / self.root
-        return q
+        return moved_by(self.mechanism, self.start, self._move(s))
+
+    def _move(self, s: Array) -> Array:
+        """Return how far all variables are from the wanted point, (nv,)."""
+        move = np.zeros(self.mechanism.nv)
+        move[self.free] = s / self.root
+        return move
+
+    def _by_s(self, s: Array) -> Array:
+        """Return the derivative (nv, n_free) of the configuration by s, as moves of that."""
+        return turned(self.mechanism, self._move(s))[:, self.free] / self.root
 
     def _h(self, s: Array) -> Array:
         return self.mechanism.core.constraints(self._configuration(s))
@@ -117,8 +126,10 @@ class ConstraintProjection:
         """Return h, its Jacobian by s, and the scale of each h_i."""
         q = self._configuration(s)
         # What has been checked once is not looked at again, and a point out of range ends the search by its values.
-        full = self.mechanism.core.constraint_jacobian(q).reshape(self.mechanism.nc, self.mechanism.nq)
-        return self.mechanism.core.constraints(q), full[:, self.free] / self.root, row_scales(full)
+        m = self.mechanism
+        full = m.core.constraint_jacobian(q).reshape(m.nc, m.nv)
+        jacobian = full @ self._by_s(s) if m.tree.rotations else full[:, self.free] / self.root
+        return m.core.constraints(q), jacobian, row_scales(full)
 
     def _directions(self, s: Array, h: Array, jacobian: Array, *, loose: bool) -> tuple[Array, Array, Array]:
         """Return the restoring part of the step, the part along the constraints, and the multiplier."""
@@ -138,6 +149,10 @@ class ConstraintProjection:
     def _curvature(self, s: Array, multiplier: Array) -> Array:
         """Return the Hessian of ``multiplier . h`` by s."""
         full = self.mechanism.core.constraint_hessian(self._configuration(s), multiplier)
+        if self.mechanism.tree.rotations:
+            # How the chart about the wanted point bends is left out: it is small, and costs steps at most.
+            by_s = self._by_s(s)
+            return np.asarray(by_s.T @ full @ by_s)
         return full[np.ix_(self.free, self.free)] / np.outer(self.root, self.root)
 
     def _search(self, s: Array, h: Array, jacobian: Array, normal: Array, along: Array, penalty: Array) -> Array | None:
@@ -215,7 +230,7 @@ class ConstraintProjection:
         reached; ``parts`` (nc,): part of the residual of each equation, relative to its scale, that no small motion
         lessens; zero where q is no such point.
         """
-        s = (q[self.free] - self.start[self.free]) * self.root
+        s = difference(self.mechanism, q, self.start)[self.free] * self.root
         scales = self._at(s)[2]
 
         def scaled(s: Array) -> tuple[Array, Array]:

@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ContradictoryConstraintsError, worst_first
 from leastaction.mechanics.configuration.constraint_projection import ConstraintProjection
 from leastaction.mechanics.configuration.null_space import free_variables, row_scales
+from leastaction.mechanics.mechanism.arguments import single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_number, require_instance
+from leastaction.numerics.arrays import Array, as_number, require_instance
 from leastaction.numerics.public import public
 
 # Part of the largest that counts as a part in a contradiction.
@@ -87,7 +88,7 @@ def find_contradiction(
     """
     require_instance(mechanism, "mechanism", Mechanism)
     as_number(tolerance, "tolerance", above=0.0, below=1.0)
-    start = as_array(q, "q", (mechanism.nq,), names=mechanism.variables)
+    start = single(mechanism, q)
     free = free_variables(mechanism, hold, move_kinematic)
     if not mechanism.nc:
         return None

@@ -32,9 +32,10 @@ from leastaction.mechanics.configuration.null_space import (
     restoring,
     row_scales,
 )
-from leastaction.mechanics.mechanism.arguments import angles_only, inputs_of
+from leastaction.mechanics.mechanism.arguments import inputs_of, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_choice, as_count, as_number, require_instance
+from leastaction.mechanics.mechanism.turns import difference, moved_by
+from leastaction.numerics.arrays import Array, as_choice, as_count, as_number, require_instance
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.public import public
 
@@ -79,7 +80,7 @@ class Equilibrium(Frozen):
     eigenvalues : ndarray, shape (nf,)
         Of the stiffness relative to the mass matrix on the nf free directions, ascending (1/s^2); complex
         where forces that have no potential couple the variables.
-    modes : ndarray, shape (nq, nf)
+    modes : ndarray, shape (nv, nf)
         The motions that belong to them, as columns.
     iterations : int
         Newton steps that were made.
@@ -145,12 +146,11 @@ def equilibrium(
         or is not smooth there, or the iterations were too few.
     """
     require_instance(mechanism, "mechanism", Mechanism)
-    angles_only(mechanism, "equilibrium")
     as_choice(kind, "kind", get_args(Kind))
     as_number(tolerance, "tolerance", above=0.0, below=1.0)
     as_count(max_iterations, "max_iterations", 0)
     u = inputs_of(mechanism, inputs)
-    start = as_array(q_guess, "q_guess", (mechanism.nq,), names=mechanism.variables)
+    start = single(mechanism, q_guess, "q_guess")
     search = _Search(mechanism, free_variables(mechanism, hold), u)
     if mechanism.nc:
         start = project_configuration(mechanism, start, hold=hold).q
@@ -162,8 +162,8 @@ class _Point:
     """What is known at one configuration on the constraints."""
 
     q: Array
-    slope: Array  # V_q - f, (nq,)
-    jacobian: Array  # (nc, nq)
+    slope: Array  # V_q - f, (nv,)
+    jacobian: Array  # (nc, nv)
     lam: Array  # (nc,)
     basis: Array  # of the free directions, (n_free, nf)
     stiffness: Array  # Z^T W Z, (nf, nf)
@@ -177,11 +177,11 @@ class _Point:
 class _Search:
     def __init__(self, mechanism: Mechanism, free: Indices, u: Array) -> None:
         self.m, self.free, self.u = mechanism, free, u
-        self.rest = np.zeros(mechanism.nq)
+        self.rest = np.zeros(mechanism.nv)
 
     def at(self, q: Array) -> _Point:
         m, free, core = self.m, self.free, self.m.core
-        force = np.zeros(m.nq)
+        force = np.zeros(m.nv)
         force[: m.nd] = core.force(q, self.rest, self.u)[: m.nd]
         potential_slope = -core.gradient(q, self.rest)[0]
         slope = potential_slope - force
@@ -215,7 +215,7 @@ class _Search:
             if iteration == max_iterations:
                 raise self.error(point, iteration, f"none was found in {iteration} iterations")
             if float(np.abs(point.q - start).max()) > _FAR:
-                name = self.m.variables[int(np.argmax(np.abs(point.q - start)))]
+                name = self.m.coordinates[int(np.argmax(np.abs(point.q - start)))]
                 raise self.error(point, iteration, f"the potential falls without bound along {name!r}")
             if kind == "any":
                 following, radius = self.towards_any(point, radius)
@@ -255,7 +255,7 @@ class _Search:
             q = self.moved(point, share * direction)
             if q is not None:
                 expected = share * float(slope @ d) + 0.5 * share**2 * float(np.minimum(values, 0.0) @ d**2)
-                work = float(point.force @ (q - point.q))
+                work = float(point.force @ difference(self.m, q, point.q))
                 gained = self.m.core.potential_energy(q) - here - work
                 following = self.at(q)
                 allowed = 1e-4 * expected
@@ -286,20 +286,22 @@ class _Search:
 
     def moved(self, point: _Point, change: Array) -> Array | None:
         """Return the configuration after a change of the free variables, brought back onto the constraints."""
-        q = point.q.copy()
-        q[self.free] += change
-        if not self.m.nc:
+        m, move = self.m, np.zeros(self.m.nv)
+        move[self.free] = change
+        q = moved_by(m, point.q, move)
+        if not m.nc:
             return q
         allowed = 2.0 * float(np.linalg.norm(change)) + 1e-9
         for _ in range(25):
-            jacobian = self.m.constraint_jacobian(q)
-            values = self.m.constraint_values(q)
+            jacobian = m.constraint_jacobian(q)
+            values = m.constraint_values(q)
             if not all_finite(values, jacobian):
                 return None
             if np.all(np.abs(values) <= _ON_CONSTRAINTS * row_scales(jacobian)):
                 return q
-            q[self.free] += restoring(jacobian[:, self.free], values)
-            if np.linalg.norm(q[self.free] - point.q[self.free]) > allowed:
+            move[self.free] = restoring(jacobian[:, self.free], values)
+            q = moved_by(m, q, move)
+            if np.linalg.norm(difference(m, q, point.q)[self.free]) > allowed:
                 return None
         return None
 
@@ -307,9 +309,9 @@ class _Search:
         m, free = self.m, self.free
         mass = point.basis.T @ m.mass_matrix(point.q)[np.ix_(free, free)] @ point.basis
         values, vectors = _modes(point.stiffness, mass)
-        modes = np.zeros((m.nq, len(values)), dtype=vectors.dtype)
+        modes = np.zeros((m.nv, len(values)), dtype=vectors.dtype)
         modes[free] = point.basis @ vectors
-        held = np.setdiff1d(np.arange(m.nq), free)
+        held = np.setdiff1d(np.arange(m.nv), free)
         holding = point.slope + point.jacobian.T @ point.lam
         return Equilibrium(
             q=point.q,
@@ -325,7 +327,7 @@ class _Search:
 
     def error(self, point: _Point, iterations: int, what: str) -> EquilibriumError:
         m = self.m
-        net = np.zeros(m.nq)
+        net = np.zeros(m.nv)
         net[self.free] = point.basis @ point.along
         residuals = {f"force on {m.variables[i]!r}": float(-net[i]) for i in self.free}
         values = m.constraint_values(point.q)

@@ -94,7 +94,7 @@ def sensitivity(
         x[0, : m.nd] = dq = start_by(vi, trajectory.q[0], steps.names, hold)
         if v is not None:
             q, v0 = trajectory.q[0], as_array(v, "v", (m.nq,), names=m.variables)
-            dv = _velocity_by(m, q, v0, steps.names, dq, hold)
+            dv = velocity_by(m, q, v0, steps.names, dq, hold)
             _, by_q, by_v = m.core.hessian(q, v0)
             x[0, m.nq : m.nq + m.nd] = momentum_by(m, q, v0, names) + by_q[: m.nd, : m.nd] @ dq
             x[0, m.nq : m.nq + m.nd] += by_v[: m.nd, : m.nd] @ dv
@@ -137,9 +137,7 @@ def start_by(vi: Integrator, q: Array, names: Sequence[str], hold: Sequence[str]
     return out
 
 
-def _velocity_by(
-    m: Mechanism, q: Array, v: Array, names: Sequence[str], dq: Array, hold: Sequence[str] | None
-) -> Array:
+def velocity_by(m: Mechanism, q: Array, v: Array, names: Sequence[str], dq: Array, hold: Sequence[str] | None) -> Array:
     """Return derivatives (nd, len(names)) of a velocity that keeps the constraints as they change.
 
     ``Dh v = 0`` at the start, whose configuration changes by dq; the velocities of held variables stay.

@@ -300,13 +300,6 @@ class Element(abc.ABC):
                         f"{self.label}: {name!r} is a {other} variable where a {kind} one is needed; "
                         f"{closest(None, right, what=f'{kind} variables')}"
                     )
-        for name in uses.dynamic + uses.kinematic + uses.variables:
-            if name in context.turns:
-                raise DescriptionError(
-                    f"{self.label}: {name!r} is an angular velocity of the joint {context.turns[name]!r}, whose "
-                    "rotation is a quaternion: there is no angle that an element could act on. Act on its frame, as a "
-                    "wrench or a spring between frames does, or give the joint angles, axes='xyz'"
-                )
         for names, known, kind in kinds:
             for name in names:
                 if name not in known:

@@ -117,7 +117,13 @@ class Compiler:
     # What stands in the world
 
     def variable(self, name: str) -> int:
-        """Index of a configuration variable."""
+        """Index of a configuration variable, which is no turn of a quaternion."""
+        if name in self.context.turns:
+            raise DescriptionError(
+                f"{self.label}: {name!r} is a turn of the joint {self.context.turns[name]!r}, whose rotation is a "
+                "quaternion, and no number that an expression, a rotor or a length could hold. Springs, dampers, "
+                "motors and couplings act on it; or give the joint angles, axes='xyz'"
+            )
         return self.context.variables[name]
 
     def input(self, name: str) -> int:
@@ -144,14 +150,24 @@ class Compiler:
     # Coordinates
 
     def sum(self, given: str | Mapping[str, float], prefix: str = "factors") -> int:
-        """Add a variable, or the sum of some by factors, which are parameters."""
-        return self.builder.variables_coordinate(*self.factors(given, prefix))
+        """Add a variable, or the sum of some by factors, which are parameters.
 
-    def factors(self, given: str | Mapping[str, float], prefix: str = "factors") -> tuple[list[int], list[int]]:
-        """Return the variables of a sum, and the slots of their factors."""
-        names = [given] if isinstance(given, str) else list(given)
-        slots = [self.slot(1.0 if isinstance(given, str) else f"{prefix}.{n}") for n in names]
-        return [self.variable(n) for n in names], slots
+        A turn of a quaternion stands for its component of the joint's rotation vector.
+        """
+        names = _names(given)
+        if self.context.turns.keys().isdisjoint(names):
+            return self.builder.variables_coordinate([self.variable(n) for n in names], self.factors(given, prefix))
+        each = [
+            self.builder.rotation_coordinate(self.context.variables[n])
+            if n in self.context.turns
+            else self.builder.variables_coordinate([self.variable(n)], [self.slot(1.0)])
+            for n in names
+        ]
+        return each[0] if isinstance(given, str) else self.builder.sum_coordinate(each, self.factors(given, prefix))
+
+    def factors(self, given: str | Mapping[str, float], prefix: str = "factors") -> list[int]:
+        """Return the slots of the factors of a sum."""
+        return [self.slot(1.0 if isinstance(given, str) else f"{prefix}.{n}") for n in _names(given)]
 
     def path(self, frames: Paths, prefix: str = "factors") -> int:
         """Add the length of the straight pieces through the origins of frames (m), or a sum of such by factors."""
@@ -219,7 +235,7 @@ class Compiler:
 
     def rotor(self, given: str | Mapping[str, float], inertia: str) -> None:
         """Add ``T = J/2 (sum of factor v)^2``."""
-        self.builder.add_rotor(*self.factors(given), self.slot(inertia))
+        self.builder.add_rotor([self.variable(n) for n in _names(given)], self.factors(given), self.slot(inertia))
 
     def potential(self, coordinate: int, law: int = -1) -> None:
         """Add ``V = law(s)``, or s itself."""
@@ -241,9 +257,26 @@ class Compiler:
         index = -1 if input_ is None else self.input(input_)
         self.builder.add_force(coordinate, self.slot(gain), index, by_place, by_rate)
 
+    def force_by_rate(self, on: Scalar, gain: str | float, input_: str | None = None, by_rate: int = -1) -> None:
+        """Add ``f_i = F ds'/dv_i`` with ``F = gain u by_rate(s')``, s' the rate of what a `SumOrPath` holds.
+
+        The rate of a turn of a quaternion is an angular velocity in the axes of the moved frame.
+        """
+        of: Any = on
+        if not of_variables(on) or self.context.turns.keys().isdisjoint(_names(of)):
+            self.force(self.along(on), gain, input_, by_rate=by_rate)
+            return
+        variables = [self.context.variables[name] for name in _names(of)]
+        index = -1 if input_ is None else self.input(input_)
+        self.builder.add_rate_force(variables, self.factors(of), self.slot(gain), index, by_rate)
+
     def tape_force(self, coordinates: Sequence[int], inputs: Sequence[str], tape: Any, slots: Sequence[int]) -> None:
         """Add ``f_i = F ds/dq_i`` along the first of some coordinates.
 
         F is a tape of all of them, all their rates, the inputs, then the numbers.
         """
         self.builder.add_tape_force(coordinates, [self.input(n) for n in inputs], tape, slots)
+
+
+def _names(given: str | Mapping[str, float]) -> list[str]:
+    return [given] if isinstance(given, str) else list(given)

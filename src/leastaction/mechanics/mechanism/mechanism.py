@@ -165,14 +165,14 @@ class Mechanism(Compiled):
         return self.tree.balls
 
     def configuration(self, values: Mapping[str, float] | None = None, *, default: float = 0.0) -> Array:
-        """Return a configuration (or velocity) from values by name.
+        """Return a configuration from values by name; without quaternions a velocity is made in the same way.
 
         Parameters
         ----------
         values : mapping of str to float, optional
-            Value of some variables (m or rad).
+            Value of some coordinates (m or rad). The four numbers of a quaternion go together: scalar first.
         default : float, optional
-            Value of the others.
+            Value of the others, but for quaternions: those are of no rotation, 1, 0, 0, 0.
 
         Returns
         -------
@@ -194,6 +194,35 @@ class Mechanism(Compiled):
                 raise unknown("variable", name, order)
             q[order[name]] = as_number(value, f"the value of {name!r}")
         return configuration_on(self, q, "values")
+
+    def velocity(self, values: Mapping[str, float] | None = None, *, default: float = 0.0) -> Array:
+        """Return a velocity, or another number for each variable such as a weight, from values by name.
+
+        Parameters
+        ----------
+        values : mapping of str to float, optional
+            Velocity of some variables (m/s or rad/s), angular velocities of quaternions among them (``"base.wx"``).
+        default : float, optional
+            That of the others.
+
+        Returns
+        -------
+        ndarray, shape (nv,)
+
+        Raises
+        ------
+        ArgumentError
+            For an unknown name or a value that is not a finite number.
+        """
+        values = {} if values is None else values
+        require_mapping(values, "values", "{'pole': 1.0}")
+        v = np.full(self.nv, as_number(default, "default"))
+        order = {name: index for index, name in enumerate(self.variables)}
+        for name, value in values.items():
+            if name not in order:
+                raise unknown("variable", name, order)
+            v[order[name]] = as_number(value, f"the value of {name!r}")
+        return v
 
     def named(self, q: ArrayLike) -> dict[str, Any]:
         """Return the entries of a configuration by name: floats, or arrays (N,) for a batch (N, nq)."""

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from leastaction import _core
-from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.arguments import Compiled
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.rotations import logarithm_derivative
+
+Flags = NDArray[np.bool_]
 
 
-def differences(m: Mechanism, q: Array, qbar: Array) -> Array:
+def differences(m: Compiled, q: Array, qbar: Array) -> Array:
     """Return configurations q (N, nq) less others, (N, nv)."""
     if not m.tree.rotations:
         return q - qbar
@@ -18,7 +22,12 @@ def differences(m: Mechanism, q: Array, qbar: Array) -> Array:
     return np.asarray(_core.difference(m.core, x, xbar))[:, : m.nv]
 
 
-def moved(m: Mechanism, q: Array, dq: Array) -> Array:
+def difference(m: Compiled, q: Array, qbar: Array) -> Array:
+    """Return a configuration q (nq,) less another, (nv,)."""
+    return np.asarray(differences(m, q[None], qbar[None])[0])
+
+
+def moved(m: Compiled, q: Array, dq: Array) -> Array:
     """Return configurations that are dq (N, nv) from others (N, nq), (N, nq): what `differences` undoes."""
     if not m.tree.rotations:
         return q + dq
@@ -26,8 +35,49 @@ def moved(m: Mechanism, q: Array, dq: Array) -> Array:
     return np.asarray(_core.plus(m.core, np.hstack([q, still]), np.hstack([dq, still])))[:, : m.nq]
 
 
-def middles(m: Mechanism, q: Array) -> Array:
+def moved_by(m: Compiled, q: Array, dq: Array) -> Array:
+    """Return the configuration that is dq (nv,) from another (nq,)."""
+    return np.asarray(moved(m, q[None], dq[None])[0])
+
+
+def middles(m: Compiled, q: Array) -> Array:
     """Return the configurations (N, nq) in the middle of steps between q (N+1, nq)."""
     if not m.tree.rotations:
         return 0.5 * (q[1:] + q[:-1])
     return moved(m, q[:-1], 0.5 * differences(m, q[1:], q[:-1]))
+
+
+def rates_along(m: Compiled, q: Array, t: Array) -> Array:
+    """Return the velocities (N+1, nv) of a motion q (N+1, nq) at its instants t (N+1,), of second order within."""
+    if not m.tree.rotations:
+        return np.asarray(np.gradient(q, t, axis=0))
+    dt = np.diff(t)[:, None]
+    steps = differences(m, q[1:], q[:-1]) / dt
+    inner = (dt[1:] * steps[:-1] + dt[:-1] * steps[1:]) / (dt[1:] + dt[:-1])
+    return np.concatenate([steps[:1], inner, steps[-1:]])
+
+
+def interpolated(m: Compiled, q: Array, t: Array, times: Array) -> Array:
+    """Return configurations q (n, nq) of times t (n,) at others (N,): on the shortest ways, the ends held outside."""
+    if not m.tree.rotations:
+        return np.stack([np.interp(times, t, column) for column in q.T], axis=1)
+    at = np.clip(np.searchsorted(t, times, side="right") - 1, 0, len(t) - 2)
+    share = np.clip((times - t[at]) / (t[at + 1] - t[at]), 0.0, 1.0)[:, None]
+    return moved(m, q[at], share * differences(m, q[at + 1], q[at]))
+
+
+def turned(m: Compiled, dq: Array) -> Array:
+    """Return the derivative (nv, nv) of where `moved_by` leads by dq (nv,), as a move of the place that it led to."""
+    found = np.eye(m.nv)
+    for rotation in m.tree.rotations:
+        at = slice(first := m.variables.index(rotation.variables[0]), first + 3)
+        found[at, at] = np.linalg.inv(logarithm_derivative(dq[at]))
+    return found
+
+
+def of_coordinates(m: Compiled, of_variables: Flags) -> Flags:
+    """Return for coordinates (nq,) what is said of variables (nv,); of a quaternion what is said of all its turns."""
+    said = dict(zip(m.variables, of_variables, strict=True))
+    for rotation in m.tree.rotations:
+        said.update(dict.fromkeys(rotation.quaternion, all(said[name] for name in rotation.variables)))
+    return np.array([said[name] for name in m.coordinates], dtype=np.bool_)

@@ -9,8 +9,8 @@ import numpy as np
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
 from leastaction.optimal.collocation.system import NodeLayout
-from leastaction.optimal.continuous.cost import ContinuousCost, ContinuousQuadraticCost
-from leastaction.optimal.discrete.cost import Cost, CostGradient
+from leastaction.optimal.continuous.cost import ContinuousCost, ContinuousQuadraticCost, RateHessian
+from leastaction.optimal.discrete.cost import Cost, CostGradient, convex
 from leastaction.optimal.discrete.hessians import CostHessian
 
 
@@ -65,8 +65,18 @@ class AnyCollocationCost(CollocationCost):
         return CostGradient(q[:-1], np.zeros_like(u), q[-1])
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
-        states, inputs, t = self._points(x)
-        Q, R, S = self.cost.hessian(states, inputs, t)
+        rate, final = self.cost.hessian(*self._points(x)), self.cost.final_hessian(x[-1, : self.layout.nx], self.tf)
+        return self._over(rate, final, u)
+
+    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+        last = x[-1, : self.layout.nx]
+        rate, final = self.cost.convex_hessian(*self._points(x)), self.cost.convex_final_hessian(last, self.tf)
+        return convex(self._over(rate, final, u))
+
+    def _over(self, rate: RateHessian, final: Array, u: Array) -> CostHessian:
+        """Return second derivatives over the pieces, given those at their points and at the end."""
+        Q, R, S = rate
+        t = self.mesh.t.ravel()
         nx, nz, N = self.layout.nx, self.layout.nz, self.mesh.N
         H = np.concatenate([Q, np.zeros((len(t), nx, self.layout.nu)) if S is None else S], axis=2)
         below = np.zeros((len(t), self.layout.nu, nx)) if S is None else S.transpose(0, 2, 1)
@@ -76,7 +86,7 @@ class AnyCollocationCost(CollocationCost):
         for stage in range(STAGES):
             places = self.layout.places(stage)
             whole[1:, places[:, None], places] = H[:, stage]
-        whole[-1, :nx, :nx] += self.cost.final_hessian(x[-1, :nx], self.tf)
+        whole[-1, :nx, :nx] += final
         return CostHessian(whole[:-1], np.zeros(u.shape[1]), None, whole[-1])
 
     def _points(self, x: Array) -> tuple[Array, Array, Array]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +27,12 @@ class Points:
     def __init__(self, system: ContinuousSystem, mesh: RadauMesh) -> None:
         self.system, self.t = system, read_only(mesh.points.copy())
         self.N = len(self.t) - 1
+
+    def of(self, system: ContinuousSystem) -> Points:
+        """Return the same points of another system."""
+        other = copy(self)
+        other.system = system
+        return other
 
     @property
     def quantities(self) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.collocation.cost import collocation_cost
 from leastaction.optimal.collocation.gains import regulator_along
@@ -21,6 +22,7 @@ from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
+from leastaction.optimal.iterates.curve import Gapped
 from leastaction.optimal.iterates.here import Here
 from leastaction.optimal.iterates.work import Work
 from leastaction.optimal.limit_report import LimitReport
@@ -40,6 +42,7 @@ _FIRST, _FIRST_MOST, _MOST, _ROUNDS = 16, 128, 1500, 9
 _OF_ACCURACY, _OF_STATES, _OF_INPUTS = 1e3, 1e-5, 3e-3
 _TO_STATES = 30.0  # error of the inputs in times that of the states, where that is more
 _ABOVE_NOISE = 100.0  # promise of a first step on a finer mesh, in times the noise
+_JUMP = 0.1  # step of an input from one piece to the next, in parts of its size, that no polynomial follows
 _SHORTEST = 1e-4  # shortest piece, in parts of the horizon
 _ROUGH = 1e-3  # error of a first mesh, in parts of the states' size (rms)
 _AGAIN = 1e-4  # barrier parameter on a finer mesh, in parts of the first
@@ -51,7 +54,9 @@ Densities = list[tuple[Array, Array, Array]]
 class Collocation:
     """A continuous system, its cost and its limits, to be put on meshes.
 
-    ``own``: the problem without a mesh, which tells of the horizon and of a first trajectory.
+    ``own``: the problem without a mesh, which tells of the horizon and of a first trajectory. ``first``: the first
+    point at which states are limited; the start where that is free, if left out. ``final_time``,
+    ``gapped``: as of `DiscreteProblem`.
     """
 
     def __init__(
@@ -63,9 +68,15 @@ class Collocation:
         accuracy: Accuracy,
         horizon: tuple[float, float] | None,
         free_start: bool | Sequence[str],
+        *,
+        first: int | None = None,
+        final_time: int | None = None,
+        gapped: Gapped = "never",
     ) -> None:
         self.own = ContinuousProblem(system, cost, settings, accuracy, horizon)
         self.limits, self.settings, self.free_start = tuple(limits), settings, free_start
+        self.first = first if first is not None else 1 if free_start is False else 0
+        self.final_time, self.gapped = final_time, gapped
 
     def start(self, initial: Any) -> DiscreteProblem:
         """Begin with a curve to be projected, that of an earlier result, or an initial state and inputs."""
@@ -136,7 +147,7 @@ class MeshGrid(TimeGrid):
         self.moved = rounds == 0
         own = whole.own
         self.system = CollocationSystem(own.system, mesh)
-        self.sides = stated(whole.limits, own.system, mesh, 1 if whole.free_start is False else 0)
+        self.sides = stated(whole.limits, own.system, mesh, whole.first)
 
     # ---- The problem on it ------------------------------------------------------------------------
 
@@ -148,20 +159,28 @@ class MeshGrid(TimeGrid):
             on_mesh = projection_on(given, whole.own.system, self.mesh, self.system.layout)
             settings = settings.changed(projection=on_mesh)
         return DiscreteProblem(
-            self.system, cost, settings, list(_rows(self.sides)), whole.free_start, grid=self,
+            self.system, cost, settings, list(_rows(self.sides)), whole.free_start,
+            whole.gapped, final_time=whole.final_time, grid=self,
             finer=self.finer, results=self.result,
             work=Work(self.system.N, self.system.ndx, self.system.nu, clock=whole.own.clock),
         )  # fmt: skip
 
-    def start(self, curve: DenseTrajectory, densities: Densities, before: Work | None = None) -> DiscreteProblem:
+    def start(
+        self,
+        curve: DenseTrajectory,
+        densities: Densities,
+        before: Work | None = None,
+        reach: tuple[PiecewisePolynomial, PiecewisePolynomial] | None = None,
+    ) -> DiscreteProblem:
         """Return the problem at the motion that follows a curve.
 
-        ``densities``: of its limits, where these are known. ``before``: where another mesh was worked on.
+        ``densities``: of its limits, where these are known. ``before``: where another mesh was worked on. ``reach``:
+        the least and largest inputs (nu,) that the pieces of that had at their points.
         """
         problem = self._problem()
         if before is not None:
             problem.parts.work.count_on(before)
-        problem.start(self._nodes(curve))
+        problem.start(self._nodes(curve, reach))
         if problem.parts.barrier is not None:
             self._carry(problem, problem.parts.barrier, densities)
         return problem
@@ -169,18 +188,25 @@ class MeshGrid(TimeGrid):
     def resume(self, mesh: OnMesh, result: OptimizationResult) -> DiscreteProblem:
         """Return the problem where an earlier run ended."""
         problem = self._problem()
-        here = problem.parts.here
+        here, gaps = problem.parts.here, None if result.memory is None else result.memory.gaps
         here.move(mesh.x, mesh.u, None)
         here.gain, here.value = mesh.gain, problem.parts.plain.cost.value(mesh.x, mesh.u)
+        if gaps is not None:
+            problem.beginning.recall_gaps(gaps)
         problem.beginning.put_limits_in(resumed=True)
         if result.limits is not None or self.sides:
             self._restore(problem, result.limits)
         return problem
 
-    def _nodes(self, curve: DenseTrajectory) -> tuple[Array, Array]:
-        """Return states and inputs of the discrete system along a curve."""
+    def _nodes(
+        self, curve: DenseTrajectory, reach: tuple[PiecewisePolynomial, PiecewisePolynomial] | None
+    ) -> tuple[Array, Array]:
+        """Return states and inputs of the discrete system along a curve, these within their reach."""
         mesh, layout = self.mesh, self.system.layout
         x, u = curve.sample(mesh.t.ravel())
+        if reach is not None:
+            # Where inputs jump, the polynomial through their values swings beyond them.
+            u = np.clip(u, *(side(mesh.t.ravel()) for side in reach))
         x, u = x.reshape(mesh.N, STAGES, -1), u.reshape(mesh.N, STAGES, -1)
         z = np.zeros((mesh.N + 1, layout.nz))
         z[0, : layout.nx] = curve.sample(mesh.breaks[:1])[0][0]
@@ -206,12 +232,23 @@ class MeshGrid(TimeGrid):
         if not coarse.any() or mesh.N > _MOST:
             return None
         curve, densities = self.curve(problem.parts.here), _densities(self._report(problem))
+        reach = self._reach(problem.parts.here)
         try:
-            following = MeshGrid(self.whole, mesh, self.rounds + 1).start(curve, densities, problem.parts.work)
+            following = MeshGrid(self.whole, mesh, self.rounds + 1).start(curve, densities, problem.parts.work, reach)
         except ArgumentError:
             # The motion on the mesh before is an answer; a finer one could not be set out on.
-            following = MeshGrid(self.whole, self.mesh, _ROUNDS).start(curve, densities, problem.parts.work)
+            following = MeshGrid(self.whole, self.mesh, _ROUNDS).start(curve, densities, problem.parts.work, reach)
         return following
+
+    def _reach(self, here: Here) -> tuple[PiecewisePolynomial, PiecewisePolynomial]:
+        """Return the least and largest inputs that pieces have at their points, where these jump; else no bounds."""
+        inputs = self.system.layout.points(here.x[1:])[1]
+        jumps = self.mesh.leaps(inputs) > _JUMP * np.abs(inputs).max(axis=(0, 1))
+        jumps[:-1] |= jumps[1:]
+        sides = inputs.min(axis=1), inputs.max(axis=1)
+        held = [np.where(jumps, side, far)[:, None] for side, far in zip(sides, (-np.inf, np.inf), strict=True)]
+        least, most = (PiecewisePolynomial(self.mesh.breaks, each, each.shape[2:]) for each in held)
+        return least, most
 
     def _coarse(self, here: Here) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Return which pieces are too long."""
@@ -304,16 +341,18 @@ class MeshGrid(TimeGrid):
     def result(self, problem: DiscreteProblem, summary: dict[str, Any]) -> ContinuousOptimizationResult:
         """Return the result at the current iterate, in continuous time."""
         own, here = self.whole.own, problem.parts.here
-        own.trajectory = curve = self.curve(here)
+        own.trajectory = motion = self.curve(here)
         linearization = problem.parts.models.linearize()
-        own.gain = own.feedback = regulator_along(self.system, own.cost, curve, linearization, here.x, here.u)
+        own.gain = own.feedback = regulator_along(self.system, own.cost, motion, linearization, here.x, here.u)
         found = own.result(summary)
         # At the end of a piece the input is that of its last point: the next piece's polynomial may stand beside it.
         u = found.u.copy()
         u[1:] = self.system.layout.points(here.x[1:])[1][:, -1]
         mesh = OnMesh(self.mesh.breaks, here.x, here.u, here.gain.copy(), self.rounds, self.moved)
         limits = self._report(problem) if self.sides else None
-        return replace(found, u=u, limits=limits, memory=Memory(mesh=mesh))
+        curve = problem.parts.curve
+        memory = Memory(mesh=mesh, gaps=None if curve is None else curve.memory())
+        return replace(found, u=u, limits=limits, gap=problem.gap, memory=memory)
 
     def _report(self, problem: DiscreteProblem) -> LimitReport:
         """Return the report of the limits as they were stated."""

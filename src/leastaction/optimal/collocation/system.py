@@ -127,6 +127,24 @@ class CollocationSystem(DiscreteSystem):
             x[i + 1, :size], x[i + 1, size:] = states[_ORDER].ravel(), u[i]
         return Rollout(x, u, stop - start)
 
+    def step_each(self, x: Array, u: Array) -> Rollout:
+        """Make every piece of a curve from its own state, each found from where the curve has it."""
+        nx, ends = self.system.nx, np.empty((self.N, self.nx))
+        states = self.layout.points(x[1:])[0]
+        matrices = self._matrices_along(states, u, slice(0, self.N))
+        for k, matrix in enumerate(matrices):
+            inputs = u[k].reshape(STAGES, -1)
+            try:
+                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                    found = self._solve(x[k, :nx], inputs, k, states[k], matrix)
+            except StepError:
+                failure = self._make_step(read_only(x[k]), read_only(u[k]), k, ends[k])
+                if failure is not None:
+                    return Rollout(ends[:k], u[:k], k, failure)
+                continue
+            ends[k] = self.layout.joined(found[None], inputs[None])[0]
+        return Rollout(ends, u, self.N)
+
     def _rolled_out(self, x: Array, u: Array, curve: tuple[Array, Array, Array], pieces: slice, begin: int) -> int:
         """Let the system simulate pieces by itself from one of them on; return the first that it did not."""
         xbar, ubar, K = curve
@@ -146,7 +164,7 @@ class CollocationSystem(DiscreteSystem):
         n, nx, t = states.shape[0], self.system.nx, self.mesh.t[pieces].ravel()
         try:
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                A, _ = self.system.linearize(states.reshape(-1, nx), u.reshape(n * STAGES, -1), t)
+                A = self.system.slopes(states.reshape(-1, nx), u.reshape(n * STAGES, -1), t)
         except (LeastActionError, ArithmeticError):
             return [None] * n
         matrices = _newton_matrix(self.mesh.h[pieces, None, None], A.reshape(n, STAGES, nx, nx))
@@ -167,8 +185,7 @@ class CollocationSystem(DiscreteSystem):
             for made in range(1, _MOST_ITERATIONS + 1):
                 residual = x + h * (MATRIX @ self.system.rates(states, u, t)) - states
                 if factors is None:
-                    slopes, _ = self.system.linearize(states, u, t)
-                    factors = _factored(_newton_matrix(h, slopes))
+                    factors = _factored(_newton_matrix(h, self.system.slopes(states, u, t)))
                 step = _solved(factors, residual.ravel()).reshape(states.shape)
                 states = states + step
                 if not np.isfinite(states).all():
@@ -223,8 +240,14 @@ class CollocationSystem(DiscreteSystem):
 
     def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:  # noqa: ARG002
         """Return the derivatives of every piece, by the implicit function theorem."""
+        return self._linearized(*self.points(x, u))
+
+    def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:  # noqa: ARG002 - the ends say it all
+        return self._linearized(self.layout.points(ends)[0], u.reshape(self.N, STAGES, -1))
+
+    def _linearized(self, states: Array, inputs: Array) -> Linearization:
+        """Return the derivatives of pieces with these states and inputs at their points (N, STAGES, ...)."""
         N, nx, nu, h = self.N, self.system.nx, self.system.nu, self.mesh.h[:, None, None]
-        states, inputs = self.points(x, u)
         flat = states.reshape(-1, nx), inputs.reshape(-1, nu), self.mesh.t.ravel()
         found: Any = self.system.linearize(*flat)  # a user's may be a bare pair
         along = found if isinstance(found, Linearization) else Linearization(*found)

@@ -89,6 +89,17 @@ class ContinuousCost(ABC):
         """Return ``d2m/dx2`` (nx, nx)."""
         return np.zeros((x.size, x.size))
 
+    def convex_hessian(self, x: Array, u: Array, t: Array) -> RateHessian:
+        """Return second derivatives of the rate for models that hold far from a minimum; what bends downwards is cut.
+
+        Those of `hessian` unless overridden.
+        """
+        return self.hessian(x, u, t)
+
+    def convex_final_hessian(self, x: Array, t: float) -> Array:
+        """Return the same of the final term (nx, nx)."""
+        return self.final_hessian(x, t)
+
     def check(self, t0: float, tf: float, nx: int, nu: int) -> None:  # noqa: B027
         """Complain if the cost is not for nx states and nu inputs over ``[t0, tf]``; optional."""
 

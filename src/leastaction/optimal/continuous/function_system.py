@@ -44,6 +44,7 @@ class LinearContinuousSystem(ContinuousSystem):
         Shapes that do not fit together, or values that are not finite.
     """
 
+    autonomous = True
     __getstate__, __setstate__ = saved_state, restore_state
 
     def __init__(self, A: ArrayLike, B: ArrayLike, *, c: ArrayLike | None = None) -> None:

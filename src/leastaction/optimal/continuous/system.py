@@ -7,14 +7,17 @@ overrides those over samples.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
 
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.differences import fourth_order
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import Linearization, System
+
+_PART = 1e-3  # of a parameter, by which it is moved for differences
 
 
 class ContinuousSystem(System):
@@ -25,6 +28,8 @@ class ContinuousSystem(System):
 
     jumps: Sequence[float] = ()
     """Times (s) where f jumps with time, if it does: integrators start anew there."""
+    autonomous: bool = False
+    """Whether f does not depend on time: a free final time then needs no derivatives by it."""
 
     @abstractmethod
     def f(self, x: Array, u: Array, t: float) -> Array:
@@ -38,6 +43,33 @@ class ContinuousSystem(System):
         """Return the rates of the state (n, nx) at samples ``x`` (n, nx), ``u`` (n, nu), ``t`` (n,)."""
         x, u = read_only(x), read_only(u)
         return np.stack([self.f(*at) for at in zip(x, u, t.tolist(), strict=True)])
+
+    # ---- Parameters: what can be found together with a motion ---------------------------------------
+
+    def with_parameters(self, values: Mapping[str, float]) -> ContinuousSystem:
+        """Return the same system with other values of some parameters."""
+        raise NotImplementedError(f"{type(self).__name__} has no parameters: implement `with_parameters`.")
+
+    def with_parameters_near(self, values: Mapping[str, float]) -> ContinuousSystem:
+        """Return the same for values that are off by a little, for differences: as if all of them were possible."""
+        return self.with_parameters(values)
+
+    def rates_by(self, x: Array, u: Array, t: Array, names: Sequence[str]) -> Array:
+        """Return the derivatives (n, nx, len(names)) of the rates at samples by some parameters.
+
+        By differences of fourth order over a thousandth of the parameter, good to about eleven digits.
+        """
+        columns = []
+        for name in names:
+            value = self.parameters[name]
+
+            def rates(by: float, name: str = name, value: float = value) -> Array:
+                return self.with_parameters_near({name: value + by}).rates(x, u, t)
+
+            columns.append(fourth_order(rates, _PART * (abs(value) or 1.0)))
+        return np.stack(columns, axis=-1) if columns else np.empty((len(t), self.nx, 0))
+
+    # ---- Samples ------------------------------------------------------------------------------------
 
     def quantity(self, kind: str, t: Array | None = None) -> Quantity:  # noqa: ARG002 - overridden
         """Return the quantities of a kind, by name; of one that depends on time, at the instants t."""
@@ -78,6 +110,11 @@ class ContinuousSystem(System):
         for i in range(len(t)):
             A[i], B[i] = self.derivatives(x[i], u[i], float(t[i]))
         return Linearization(A, B, partial(self.curvatures, x, u, t))
+
+    def slopes(self, x: Array, u: Array, t: Array) -> Array:
+        """Return ``df/dx`` (n, nx, nx) at samples, as far as Newton's method needs it to find states."""
+        A, _ = self.linearize(x, u, t)
+        return A
 
     def curvatures(self, x: Array, u: Array, t: Array, z: Array) -> Array:
         """Return ``z . D2f`` (n, nx+nu, nx+nu) at samples; z (n, nx) like the others."""

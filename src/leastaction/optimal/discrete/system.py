@@ -22,12 +22,7 @@ from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.looking_back import InputRates
 from leastaction.optimal.quantity import Entries, Later, Quantity
-from leastaction.optimal.system import Linearization, System
-
-FINAL_TIME = "final time"
-"""The name among a system's parameters of the time (s) at which its horizon ends, where that can be changed."""
-
-_NOTHING: Mapping[str, float] = MappingProxyType({})
+from leastaction.optimal.system import FINAL_TIME, Linearization, System
 
 
 @public
@@ -157,20 +152,7 @@ class DiscreteSystem(System):
         """
         return None
 
-    def returning_entries(self, names: Sequence[str], what: str) -> list[int]:
-        """Return the places of entries with these names that are the same again in a periodic motion."""
-        return self.free_entries(names, what)
-
-    def idle_directions(self, x: Array) -> Array:  # noqa: ARG002 - overridden
-        """Return the directions (ndx, n) of an initial state on which no motion depends."""
-        return np.zeros((self.ndx, 0))
-
     # ---- Parameters: what can be found together with a motion ---------------------------------------
-
-    @property
-    def parameters(self) -> Mapping[str, float]:
-        """Values by name of the numbers that can be found together with a motion; of most systems there are none."""
-        return _NOTHING
 
     def with_parameters(self, values: Mapping[str, float]) -> DiscreteSystem:
         """Return the same system with other values of some parameters."""
@@ -179,10 +161,6 @@ class DiscreteSystem(System):
     def with_parameters_near(self, values: Mapping[str, float]) -> DiscreteSystem:
         """Return the same for values that are off by a little, for differences: as if all of them were possible."""
         return self.with_parameters(values)
-
-    def conditions_of(self, names: Sequence[str]) -> list[Quantity]:  # noqa: ARG002 - overridden
-        """Return what must not be negative for there to be such a system, of some parameters as states (n, P)."""
-        return []
 
     def differentiate_by(self, x: Array, u: Array, names: Sequence[str], start: int = 0) -> Array:
         """Return the derivatives (n, ndx, len(names)) of steps from `start` on along x (n+1, nx), u (n, nu)."""
@@ -219,10 +197,6 @@ class DiscreteSystem(System):
         """
         found = linearized(self, x, u, out)
         return found, self.differentiate_by(x, u, names) if names else np.empty((self.N, self.ndx, 0))
-
-    def start_by_parameters(self, x: Array, names: Sequence[str], free: bool | Sequence[str]) -> Array:  # noqa: ARG002
-        """Return how an initial state x (nx,) has to follow parameters, (ndx, len(names)), as far as it is free."""
-        return np.zeros((self.ndx, len(names)))
 
     def time(self, k: int) -> float:
         """Return the time of instant k; its index, of a system that knows no time."""

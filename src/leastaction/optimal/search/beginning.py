@@ -18,7 +18,7 @@ from leastaction.optimal.limits.leeway import may_be_obstacle, stands_still
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.limits.start import depths
 from leastaction.optimal.line_search import Refusal
-from leastaction.optimal.memory import Memory, Place, Start
+from leastaction.optimal.memory import Gaps, Memory, Place, Start
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.search.parts import SearchParts
 from leastaction.optimal.space import apart, sizes_of
@@ -139,13 +139,7 @@ class Beginning:
         if memory is not None:
             self.recall(memory)
         if self.gapped != "never" and memory is not None and memory.gaps is not None:
-            gaps = memory.gaps
-            self.parts.steps = curve = CurveSteps(self.parts.models, gaps.size, gaps.longest)
-            found = curve.evaluate(gaps.x, gaps.u)
-            if isinstance(found, Refusal):
-                raise ArgumentError(f"resume: {found.reason}; expected the result of a run with this system")
-            curve.recall(gaps, found)
-            self.parts.tells_saddles = False
+            self.recall_gaps(memory.gaps)
         else:
             system = self.parts.system
             N, nx, nu = system.N, system.nx, system.nu
@@ -162,6 +156,15 @@ class Beginning:
             here.value = self.parts.plain.cost.value(here.x, here.u)
         if self.parts.barrier is not None:
             self.put_limits_in(result, resumed=True)
+
+    def recall_gaps(self, gaps: Gaps) -> None:
+        """Stand at a curve with gaps again."""
+        self.parts.steps = curve = CurveSteps(self.parts.models, gaps.size, gaps.longest)
+        found = curve.evaluate(gaps.x, gaps.u)
+        if isinstance(found, Refusal):
+            raise ArgumentError(f"resume: {found.reason}; expected the result of a run with this system")
+        curve.recall(gaps, found)
+        self.parts.tells_saddles = False
 
     def recall(self, memory: Memory) -> None:
         """Remember what an earlier run did of its way."""

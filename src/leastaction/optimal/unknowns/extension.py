@@ -20,30 +20,14 @@ from leastaction.optimal.limits.limit import Bound, Limit
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.loop import Callback
 from leastaction.optimal.options import Options
-from leastaction.optimal.quantity import Entries, Quantity, Samples
+from leastaction.optimal.quantity import Entries
 from leastaction.optimal.result import IterationRecord, OptimizationResult
+from leastaction.optimal.unknowns.conditions import off_the_border, rows_of_condition
 from leastaction.optimal.unknowns.cost import ExtendedCost
 from leastaction.optimal.unknowns.periodic import Periodic
-from leastaction.optimal.unknowns.quantity import ExtendedQuantity, QuantityOfUnknowns, changing_parameters
+from leastaction.optimal.unknowns.quantity import ExtendedQuantity, changing_parameters
 from leastaction.optimal.unknowns.system import ExtendedSystem
 from leastaction.optimal.unknowns.unknown import Unknown
-
-_BORDER, _OFF = 1e-9, 1e-3  # of what is large for a condition is at its border, and how far inside of it is a start
-
-
-def checked_unknowns(unknowns: Sequence[Unknown]) -> list[Unknown]:
-    """Return unknowns, or complain about what is none, or named twice."""
-    given: list[Unknown] = [unknowns] if isinstance(unknowns, Unknown) else list(unknowns)
-    names: list[str] = []
-    for i, each in enumerate(given):
-        if not isinstance(each, Unknown):
-            raise ArgumentError(
-                f"unknowns[{i}]: got {type(each).__name__}, expected such as Parameter('bob.mass') or FinalTime()"
-            )
-        if each.name in names:
-            raise ArgumentError(f"unknowns: {each.name!r} is listed twice; name each one once")
-        names.append(each.name)
-    return given
 
 
 class Extension:
@@ -75,7 +59,7 @@ class Extension:
         self.system.at(self.guess)  # values that cannot be are named before anything is done
         self.conditions = system.conditions_of(names)
         for condition in self.conditions:
-            self.guess = _off_the_border(condition, self.guess)
+            self.guess = off_the_border(condition, self.guess)
 
     def rows(self) -> list[Rows]:
         """Return the rows of all limits, those of the unknowns too."""
@@ -86,7 +70,7 @@ class Extension:
         for limit in self.limits:
             found += self._rows(limit)
         for condition in self.conditions:
-            found += [replace(row, is_asked=False) for row in self._condition(condition)]
+            found += rows_of_condition(condition, self.system, self.unknowns, self.guess)
         return found
 
     def settings(self, given: Options) -> Options:
@@ -105,17 +89,6 @@ class Extension:
             weight = as_weight(weights[name], f"projection: {name}", n, stages=stages, definite=False)
             weights[name] = self.cost.padded(weight)
         return given.changed(projection=weights)
-
-    def _condition(self, condition: Quantity) -> list[Rows]:
-        """Return the row of what parameters have to keep to for there to be such a system, where no bound says more."""
-        if isinstance(condition, Entries):
-            least = {each.name: -np.inf if each.min is None else each.min for each in self.unknowns}
-            names = [name for name in condition.names if least[name] < 0.0]
-            return Bound(names, 0.0, of="unknown", at="start").rows(self.system, 0) if names else []
-        quantity, count = QuantityOfUnknowns(self.system, condition), len(condition.names)
-        size = _size(_values_of(condition, self.guess)[0])
-        start = np.zeros(1, dtype=np.intp)
-        return [Rows("unknowns", quantity, 1.0, np.zeros((1, count)), start, np.full(count, size))]
 
     def _rows(self, limit: Limit) -> list[Rows]:
         if isinstance(limit, Periodic):
@@ -206,24 +179,3 @@ class Extension:
             K=np.ascontiguousarray(found.K[:, :, :n]),
             unknowns=MappingProxyType(dict(zip(self.system.names, at.tolist(), strict=True))),
         )
-
-
-def _values_of(condition: Quantity, values: Array) -> tuple[Array, Array]:
-    """Return the functions (m,) of a condition at values (P,) of the parameters, and their derivatives (m, P)."""
-    at = Samples(np.zeros(1, dtype=np.intp), values[None], *[np.empty((1, 0))] * 2)
-    columns = condition.columns(len(values), 0)
-    slopes = np.zeros((len(condition.names), len(values)))
-    slopes[:, slice(None) if columns is None else columns] = condition.jacobian(at)[0]
-    return condition.values(at)[0], slopes
-
-
-def _size(values: Array) -> float:
-    """Return what is large for the functions of a condition."""
-    return float(np.abs(values).max()) or 1.0
-
-
-def _off_the_border(condition: Quantity, values: Array) -> Array:
-    """Return values (P,) a little inside of a condition, where they are at its border: no search can begin there."""
-    c, slopes = _values_of(condition, values)
-    at = c <= _BORDER * _size(c)
-    return np.asarray(values + _OFF * _size(c) * (slopes[at] / np.sum(slopes[at] ** 2, axis=1)[:, None]).sum(axis=0))

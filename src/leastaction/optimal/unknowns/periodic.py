@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, as_number
 from leastaction.numerics.public import public
-from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
-from leastaction.optimal.unknowns.system import ExtendedSystem
+from leastaction.optimal.system import System
+from leastaction.optimal.unknowns.extended import Extended
 
 
 @public
@@ -59,7 +60,7 @@ class Periodic(Limit):
     def __str__(self) -> str:
         return f"Periodic({self.names!r})"
 
-    def entries(self, system: DiscreteSystem) -> list[int]:
+    def entries(self, system: System) -> list[int]:
         """Return the places of the entries in the state of a system."""
         known = system.quantity("state").names
         patterns = (self.names,) if isinstance(self.names, str) else tuple(self.names)
@@ -74,14 +75,16 @@ class Periodic(Limit):
                     raise ArgumentError(f"{self}: {what}: {name!r} is none of its entries; {there}")
         return places
 
-    def rows(self, system: DiscreteSystem, first: int) -> list[Rows]:
-        if not isinstance(system, ExtendedSystem) or first > 0:
+    def rows(self, system: Any, first: int) -> list[Rows]:
+        extended = system if isinstance(system, Extended) else getattr(system, "system", None)
+        if not isinstance(extended, Extended) or first > 0:
             raise ArgumentError(
                 f"{self}: got a fixed initial state, expected one that is free. Give free_start=True or the names that "
                 "are free to `optimize`; to come back to a given state, ask for `Equal` at the end"
             )
-        places = np.array(self.entries(system.system), dtype=np.intp)
-        known = system.system.quantity("state").names
+        own: System = extended.system
+        places = np.array(self.entries(own), dtype=np.intp)
+        known = own.quantity("state").names
         names = [known[i] for i in places]
         rows = []
         for turning in (False, True):

@@ -9,15 +9,19 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Instants, Quantity, QuantityElsewhere, QuantityView, Samples, wholes_apart
-from leastaction.optimal.unknowns.system import ExtendedSystem, by_differences, stepped
+from leastaction.optimal.unknowns.extended import Extended, by_differences, stepped
 
 Of = Callable[[Any], Quantity]
 
 
-def changing_parameters(system: ExtendedSystem, of: Of, values: Array) -> Instants:
+def changing_parameters(system: Extended, of: Of, values: Array) -> Instants:
     """Return which parameters change the quantity ``of`` a system, as seen by a step from their values (P,)."""
-    plain = of(system.at(values))
-    found = [j for j in range(len(values)) if not plain.is_like(of(system.near(stepped(values, j))))]
+    own = system.at(values)
+    plain, found = of(own), []
+    for j in range(len(values)):
+        other = system.near(stepped(values, j))
+        if other is not own and not plain.is_like(of(other)):
+            found.append(j)
     return np.array(found, dtype=np.intp)
 
 
@@ -28,7 +32,7 @@ class ExtendedQuantity(QuantityView):
     ``changing``: which parameters change it (see `changing_parameters`).
     """
 
-    def __init__(self, system: ExtendedSystem, own: Quantity, of: Of, changing: Instants) -> None:
+    def __init__(self, system: Extended, own: Quantity, of: Of, changing: Instants) -> None:
         super().__init__(own)
         self.system, self.of, self.changing = system, of, changing
         self.fixed = not len(changing)
@@ -126,7 +130,7 @@ class ExtendedQuantity(QuantityView):
 class QuantityOfUnknowns(QuantityElsewhere):
     """A quantity of the parameters, given as states (n, P), at those of the extended state."""
 
-    def __init__(self, system: ExtendedSystem, whole: Quantity) -> None:
+    def __init__(self, system: Extended, whole: Quantity) -> None:
         super().__init__(whole)
         self.places, self.by_entries = np.arange(system.n_own, system.at_copies), False
         self.changes = np.arange(system.d_own, system.d_own + len(system.names))

@@ -11,102 +11,48 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
-from leastaction.numerics.differences import fourth_order
-from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem, Rollout
-from leastaction.optimal.quantity import Entries, Quantity, as_slice
+from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
+from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.space import ProductSpace, Vectors
-from leastaction.optimal.system import Linearization
+from leastaction.optimal.system import FINAL_TIME, Linearization
+from leastaction.optimal.unknowns.extended import Extended, by_differences
 
 Along = Callable[[Array], tuple[Array, Array, Array]]
 """Returns a system's A, B and derivatives by parameters at values of these."""
 
-_PART = 1e-3  # of a parameter, by which it is moved for differences
-_SOME = 1e-3  # of the largest entry of a direction is one that belongs to it
 
-
-class ExtendedSystem(DiscreteSystem):
+class ExtendedSystem(Extended, DiscreteSystem):
     """A system with parameters, and entries of its first state, as constant states; those entries count from there.
 
     Its first derivatives are those of the system, and so are its second ones by the final time, and by the parameters,
     where the system has them. Second ones by other parameters are differences of fourth order of the exact first ones,
     over a thousandth of the parameter: good to about ten digits. It holds settings and no state; any number of threads
     may share it, as far as they may share the system.
-
-    ``system``: with the parameters, at values of its own. ``copied``: entries of the state whose first values are kept.
-    ``free_start``: what of the system's own initial state is free.
     """
 
     def __init__(
         self, system: DiscreteSystem, parameters: Sequence[str], copied: Sequence[int], free_start: bool | Sequence[str]
     ) -> None:
-        self.system, self.names, self.free_start = system, tuple(parameters), free_start
-        self.copied = np.array(copied, dtype=np.intp)
-        self.n_own, self.d_own, self.N, self.nu = system.nx, system.ndx, system.N, system.nu
-        self.at_copies = self.n_own + len(self.names)
-        self.nx = self.at_copies + len(self.copied)
+        super().__init__(system, parameters, copied, free_start)
+        self.N = system.N
         charts = system.charts()
         if charts is not None:
             self.space = ProductSpace(charts, Vectors(len(self.names)))
-        self.has_curvature = system.has_curvature
-        # As a slice, which copies nothing, where they follow each other.
-        self.kept: Any = as_slice(self.copied)
-        # How the system's own state follows from the extended one.
-        own = np.eye(self.n_own)
-        self.moves = np.hstack([own, np.zeros((self.n_own, len(self.names))), own[:, self.copied]])
-        free = set(range(self.n_own if free_start is True else 0))
-        if not isinstance(free_start, bool):
-            free = set(system.free_entries(free_start))
-        told = free.intersection(self.copied.tolist())
-        self._told = np.array([i in told for i in range(self.n_own)], dtype=np.bool_)  # by equations, of the start
-        # Where the entries of [y; u] are among those of [x; p; u]: c moves what is kept.
-        inputs = self.at_copies + np.arange(self.nu)
-        self._places = np.concatenate([np.arange(self.at_copies), self.copied, inputs])
-
-    @property
-    def final_time(self) -> int | None:
-        """The place of the final time in the state, if it is found."""
-        return self.n_own + self.names.index(FINAL_TIME) if FINAL_TIME in self.names else None
-
-    # ---- Its state --------------------------------------------------------------------------------
 
     def at(self, values: Array) -> DiscreteSystem:
-        """Return the system with values of the parameters (P,)."""
-        if not self.names:
-            return self.system
-        return self.system.with_parameters(dict(zip(self.names, values.tolist(), strict=True)))
+        return self.system.with_parameters(self.named(values)) if self.names else self.system
 
     def near(self, values: Array) -> DiscreteSystem:
-        """Return the same for differences (see `DiscreteSystem.with_parameters_near`)."""
-        if not self.names:
-            return self.system
-        return self.system.with_parameters_near(dict(zip(self.names, values.tolist(), strict=True)))
+        return self.system.with_parameters_near(self.named(values)) if self.names else self.system
 
-    def values(self, x: Array) -> Array:
-        """Return the parameters (P,) of a state (nx,)."""
-        return np.asarray(x[self.n_own : self.at_copies])
-
-    def own(self, x: Array) -> Array:
-        """Return the system's own states of such of the extended system."""
-        own = x[..., : self.n_own].copy()
-        if len(self.copied):
-            own[..., self.kept] += x[..., self.at_copies :]
-        return own
-
-    def extended(self, x: Array, values: Array) -> Array:
-        """Return states (nx,) or (N+1, nx) for such of the system, with values of the parameters (P,)."""
-        first = (x if x.ndim == 1 else x[0])[self.kept]
-        whole = np.empty((*x.shape[:-1], self.nx))
-        whole[..., : self.n_own], whole[..., self.n_own : self.at_copies] = x, values
-        whole[..., self.at_copies :] = first
-        whole[..., self.kept] -= first
-        return whole
+    def start_time(self) -> float:
+        return self.system.time(0)
 
     # ---- Steps ------------------------------------------------------------------------------------
 
@@ -297,13 +243,12 @@ class ExtendedSystem(DiscreteSystem):
         """
         if not self.names:
             return self._by_extended(H)
-        n, count = self.d_own, len(self.names)
-        end = n + count
+        count = len(self.names)
 
         def slope(moved: Array) -> Array:
             return np.concatenate([np.einsum("ki,kij->kj", z, part) for part in along(moved)], axis=1)
 
-        mixed = np.zeros((len(H), n + self.nu + count, count))
+        mixed = np.zeros((len(H), self.d_own + self.nu + count, count))
         once, twice = mixed[:, :-count], mixed[:, -count:]
         known = [] if by_time is None else [self.names.index(FINAL_TIME)]
         if exact is not None:
@@ -316,50 +261,7 @@ class ExtendedSystem(DiscreteSystem):
             # With the other parameters by their differences.
             once[:, :, j], twice[:, :, j] = by_time[:, :-1], twice[:, j]
             twice[:, j, j] = by_time[:, -1]
-        by = np.empty((len(H), end + self.nu, end + self.nu))
-        by[:, :n, :n], by[:, :n, end:], by[:, end:, :n], by[:, end:, end:] = (
-            H[:, :n, :n], H[:, :n, n:], H[:, n:, :n], H[:, n:, n:]
-        )  # fmt: skip
-        by[:, :n, n:end], by[:, end:, n:end] = once[:, :n], once[:, n:]
-        by[:, n:end, :n], by[:, n:end, end:] = once[:, :n].transpose(0, 2, 1), once[:, n:].transpose(0, 2, 1)
-        by[:, n:end, n:end] = 0.5 * (twice + twice.transpose(0, 2, 1))
-        return self._by_extended(by)
-
-    def _by_extended(self, H: Array) -> Array:
-        """Return second derivatives by ``[y; u]``, given those by ``[x; p; u]``."""
-        return H[:, self._places[:, None], self._places] if len(self.copied) else H
-
-    # ---- Its start --------------------------------------------------------------------------------
-
-    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
-        del free
-        n, count = self.d_own, len(self.names)
-        own = self.own(x)
-        if self.free_start is False:
-            Z = np.zeros((n, 0))
-        else:
-            names = None if isinstance(self.free_start, bool) else self.free_start
-            Z = self.system.start_directions(own, names)
-            # What only the equations tell of, if they do.
-            idle = self.system.idle_directions(own) if self._told.any() else np.zeros((n, 0))
-            if idle.shape[1] and self._told[idle.any(axis=1)].all():
-                Z = np.hstack([Z, idle])
-        whole = np.zeros((self.ndx, Z.shape[1] + count))
-        whole[:n, : Z.shape[1]] = Z
-        if count:
-            system = self.at(self.values(x))
-            whole[:n, Z.shape[1] :] = system.start_by_parameters(own, self.names, self.free_start)
-            whole[n : n + count, Z.shape[1] :] = np.eye(count)
-        whole[n + count :] = whole[self.kept]
-        whole[self.kept] = 0.0
-        return whole
-
-    def moved_start(self, x: Array, dx: Array) -> Array:
-        values = self.values(x) + dx[self.d_own : self.d_own + len(self.names)]
-        own = self.own(x)
-        if self.free_start is not False:
-            own = self.at(values).moved_start(own, self.own(dx) if self.space is None else dx[: self.d_own])
-        return self.extended(own, values)
+        return self._joined(H, once, twice)
 
     # ---- What it is asked -------------------------------------------------------------------------
 
@@ -369,40 +271,13 @@ class ExtendedSystem(DiscreteSystem):
     def time(self, k: int) -> float:
         return self.system.time(k)
 
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        return (*self.system.quantities, "unknown")
-
-    def input_name(self, i: int) -> str:
-        return self.system.input_name(i)
-
-    def unknowns_along(self, dx: Array) -> list[str]:
-        parts = np.abs(dx[self.d_own : self.d_own + len(self.names)])
-        return [name for name, part in zip(self.names, parts, strict=True) if part > _SOME * np.abs(dx).max()]
-
     def quantity(self, kind: str) -> Quantity:
         if kind != "unknown":
             return self.system.quantity(kind)
-        return Entries(self.names, range(self.n_own, self.at_copies), of_state=True)
+        return self.unknown_quantity()
 
 
 def _together(parts: list[Array | None]) -> Array | None:
     """Return arrays of steps as one; None where there are none."""
     known = [part for part in parts if part is not None]
     return np.concatenate(known) if len(known) == len(parts) else None
-
-
-def stepped(at: Array, j: int, by: float | None = None) -> Array:
-    """Return an argument (P,) with entry j moved, by a step of `by_differences` if not said by how much."""
-    other = at.copy()
-    other[j] += _step(at, j) if by is None else by
-    return other
-
-
-def by_differences(function: Callable[[Array], Any], at: Array, j: int) -> Array:
-    """Return the derivative of a smooth function by entry j of its argument (P,): differences of fourth order."""
-    return fourth_order(lambda by: np.asarray(function(stepped(at, j, by))), _step(at, j))
-
-
-def _step(at: Array, j: int) -> float:
-    return _PART * (abs(float(at[j])) or 1.0)

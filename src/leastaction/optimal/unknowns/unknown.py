@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from leastaction.errors import ArgumentError, unknown
 from leastaction.numerics.arrays import as_number
 from leastaction.numerics.public import public
-from leastaction.optimal.discrete.system import FINAL_TIME, DiscreteSystem
+from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.system import FINAL_TIME, System
 
 
 @public
@@ -59,17 +61,17 @@ class Unknown:
     def __str__(self) -> str:
         return f"{type(self).__name__}({self.name!r})"
 
-    def value_of(self, system: DiscreteSystem) -> float:
-        """Return the value that a system has.
+    def value_of(self, system: System, horizon: tuple[float, float] | None = None) -> float:
+        """Return the value that a system has, or of the final time a horizon (s) in continuous time.
 
         Raises
         ------
         ArgumentError
             If it has no such number.
         """
-        known = system.parameters
+        known = system.parameters if horizon is None else {**system.parameters, FINAL_TIME: horizon[1]}
         if self.name not in known:
-            if not known:
+            if not system.parameters:
                 raise ArgumentError(
                     f"unknowns: got {self} for a {type(system).__name__}, whose numbers cannot be found: it has no "
                     "`parameters`"
@@ -110,8 +112,10 @@ class FinalTime(Unknown):
     """The final time of the motion (s): all time steps grow or shrink with it.
 
     See `Unknown` for what else it takes; ``FinalTime(0, 5)`` is any time up to 5 s, of a motion that begins at 0 s, and
-    ``FinalTime(price=1.0)`` asks for the shortest time. The cost of a stage does
-    not grow with its step, and what a cost or a limit wants over time it wants at the same fractions of the motion.
+    ``FinalTime(price=1.0)`` asks for the shortest time. What a cost or a limit wants over time it wants at the same
+    fractions of the motion, as given over the times that the system has, or in continuous time over the horizon that
+    the optimisation begins with. The cost of a stage does not grow with its step; a cost in continuous time is the
+    integral over the time that the motion takes.
     """
 
     name: str = field(default=FINAL_TIME, init=False)
@@ -121,12 +125,27 @@ class FinalTime(Unknown):
     def __str__(self) -> str:
         return "FinalTime"
 
-    def value_of(self, system: DiscreteSystem) -> float:
-        value = super().value_of(system)
-        start = system.time(0)
+    def value_of(self, system: System, horizon: tuple[float, float] | None = None) -> float:
+        value = super().value_of(system, horizon)
+        start = horizon[0] if horizon is not None else system.time(0) if isinstance(system, DiscreteSystem) else 0.0
         for what, given in (("min", self.min), ("max", self.max), ("guess", self.guess)):
             if given is not None and not (given > start or (what == "min" and given == start)):
                 raise ArgumentError(
                     f"FinalTime: {what}: got {given:.6g} s, expected a time after the first, {start:.6g} s"
                 )
         return value
+
+
+def checked_unknowns(unknowns: Sequence[Unknown]) -> list[Unknown]:
+    """Return unknowns, or complain about what is none, or named twice."""
+    given: list[Unknown] = [unknowns] if isinstance(unknowns, Unknown) else list(unknowns)
+    names: list[str] = []
+    for i, each in enumerate(given):
+        if not isinstance(each, Unknown):
+            raise ArgumentError(
+                f"unknowns[{i}]: got {type(each).__name__}, expected such as Parameter('bob.mass') or FinalTime()"
+            )
+        if each.name in names:
+            raise ArgumentError(f"unknowns: {each.name!r} is listed twice; name each one once")
+        names.append(each.name)
+    return given

@@ -11,11 +11,10 @@ from leastaction.optimal.ways.easing import EASING
 from leastaction.optimal.ways.freely import FREELY
 from leastaction.optimal.ways.gaps import GAPS
 from leastaction.optimal.ways.given import GIVEN
-from leastaction.optimal.ways.obstacles import OBSTACLES
 from leastaction.optimal.ways.prices import PRICES
 from leastaction.optimal.ways.resolved import RESOLVED
 
-WAYS: tuple[Way, ...] = (FREELY, GAPS, EASING, PRICES, OBSTACLES, RESOLVED, GIVEN)
+WAYS: tuple[Way, ...] = (FREELY, GAPS, EASING, PRICES, RESOLVED, GIVEN)
 """All of them, in the order in which they are tried."""
 
 __all__ = ["WAYS", "Way"]

@@ -9,12 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, unknown
+from leastaction.mechanics.mechanism.arguments import configuration_on
+from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_number, require_instance, require_mapping
 from leastaction.numerics.names import matching
 from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import QuadraticCost
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.systems.midpoint import MidpointSystem
+from leastaction.systems.orientations import quaternions_of
 
 Wanted = Mapping[str, float | ArrayLike | Callable[[float], float]] | ArrayLike | None
 """Values over the instants by name: a number, (N+1,), or a function of the time (s); or states (N+1, nx) or (nx,)."""
@@ -41,10 +44,13 @@ def tracking(
     weights : mapping of str to float
         Of half the squares, by names of entries of the state with wildcards, in units of the cost by theirs squared:
         ``{"left_elbow": 100, "p_*": 1e-3}``. Of a `MidpointSystem` ``"left_elbow.v"`` is the velocity of a variable
-        (``"*.v"`` that of all), with the inertia at the wanted motion. A later name overrides an earlier one.
+        (``"*.v"`` that of all), with the inertia at the wanted motion. A later name overrides an earlier one. Of a
+        joint whose rotation is a quaternion ``"hips.wx"`` is the rotation that is missing about that axis of it (rad),
+        and ``"hips.wx.v"`` its angular velocity.
     wanted : mapping, or array_like (N+1, nx) or (nx,), optional
         What is wanted, by name: a number, (N+1,) values, or a function of the time (s); or whole states. Zero if left
-        out, velocities too.
+        out, velocities too. Of a joint whose rotation is a quaternion, by its name, the rotation: (3, 3) or
+        (N+1, 3, 3), or a function; none if left out.
     effort : float or mapping of str to float, optional
         Weights of the inputs.
     inputs : mapping, or array_like (N, nu) or (nu,), optional
@@ -75,13 +81,19 @@ def tracking(
     ((50, 4, 4), np.float64(3.142))
     """
     require_instance(system, "system", DiscreteSystem, "such as a MidpointSystem")
-    if system.charts() is not None:
-        raise ArgumentError("system: its states are no plain vectors; give a QuadraticCost with its `space`")
-    x = _over_time(system, wanted, system.state_names, system.N + 1, "wanted")
-    u = _over_time(system, inputs, system.input_names, system.N, "inputs")
     m = system.mechanism if isinstance(system, MidpointSystem) else None
+    if m is None and system.charts() is not None:
+        raise ArgumentError("system: its states are no plain vectors; give a QuadraticCost with its `space`")
+    x = np.zeros((system.N + 1, system.nx))
+    if m is not None:
+        x[:, : m.nq] = m.configuration()
+        wanted = _without_rotations(m, wanted, system.times, x)
+    x = _over_time(system, wanted, system.state_names, x, "wanted")
+    if m is not None:
+        x[:, : m.nq] = configuration_on(m, x[:, : m.nq], "wanted")
+    u = _over_time(system, inputs, system.input_names, np.zeros((system.N, system.nu)), "inputs")
     if m is not None and m.nrho and inputs is None:
-        u[:, m.n_inputs :] = x[1:, m.nd : m.nq]
+        u[:, m.n_inputs :] = x[1:, m.nq - m.nrho : m.nq]
     prices = {"*": effort} if not isinstance(effort, Mapping) else effort
     R = np.full(system.nu, _LEAST_EFFORT)
     for name, weight in prices.items():
@@ -107,12 +119,24 @@ def tracking(
         Q = Q[:, :, None]
     elif len(Q) == 1:
         Q = Q[0]
-    return QuadraticCost(x, u, Q=Q, R=R, Q_final=Q_final)
+    return QuadraticCost(x, u, Q=Q, R=R, Q_final=Q_final, space=system)
 
 
-def _over_time(system: DiscreteSystem, wanted: Wanted, names: Sequence[str], rows: int, what: str) -> Array:
-    """Return what is wanted as an array (rows, n) of one's own."""
-    n, out = len(names), np.zeros((rows, len(names)))
+def _without_rotations(m: Mechanism, wanted: Wanted, t: Array, x: Array) -> Wanted:
+    """Write rotations that are wanted by the names of joints into states x (N+1, nx); return what else is wanted."""
+    joints = {rotation.name: rotation for rotation in m.tree.rotations}
+    if not isinstance(wanted, Mapping) or joints.keys().isdisjoint(wanted):
+        return wanted
+    for name in joints.keys() & wanted.keys():
+        first = m.coordinates.index(joints[name].quaternion[0])
+        given: Any = wanted[name]
+        x[:, first : first + 4] = quaternions_of(given, f"wanted[{name!r}]", t)
+    return {name: value for name, value in wanted.items() if name not in joints}
+
+
+def _over_time(system: DiscreteSystem, wanted: Wanted, names: Sequence[str], out: Array, what: str) -> Array:
+    """Write what is wanted into an array (rows, n), and return it."""
+    rows, n = out.shape
     if wanted is None:
         return out
     if not isinstance(wanted, Mapping):
@@ -131,10 +155,12 @@ def _over_time(system: DiscreteSystem, wanted: Wanted, names: Sequence[str], row
 
 
 def _weights(system: DiscreteSystem, weights: Mapping[str, float], x: Array, what: str) -> Array:
-    """Return weights (1 or n, nx), or matrices (n, nx, nx) where velocities have some, along states (n, nx)."""
+    """Return weights (1 or n, ndx), or matrices (n, ndx, ndx) where velocities have some, along states (n, nx)."""
     require_mapping(weights, what, "{'elbow': 100.0, '*.v': 1.0}")
     names, m = system.state_names, system.mechanism if isinstance(system, MidpointSystem) else None
-    of_entries, of_rates = np.zeros(len(names)), np.zeros(0 if m is None else m.nq)
+    if m is not None:
+        names = (*m.variables, *names[m.nq :])  # of differences
+    of_entries, of_rates = np.zeros(len(names)), np.zeros(0 if m is None else m.nv)
     for name, given in weights.items():
         weight = as_number(given, f"{what}[{name!r}]", least=0.0)
         places = matching(names, name)
@@ -147,15 +173,15 @@ def _weights(system: DiscreteSystem, weights: Mapping[str, float], x: Array, wha
     if m is None or not of_rates.any():
         return of_entries[None]
     out = np.empty((len(x), len(names), len(names)))
-    momenta = slice(m.nq, m.nq + m.nd)
+    momenta = slice(m.nv, m.nv + m.nd)
     for k, state in enumerate(x):
         out[k] = np.diag(of_entries)
         M = np.asarray(m.mass_matrix(np.ascontiguousarray(state[: m.nq])))
         # p = M_dd v + M_dr v_rho, so v is by both.
-        by = np.zeros((m.nq, len(names)))
+        by = np.zeros((m.nv, len(names)))
         inverse = np.linalg.inv(M[: m.nd, : m.nd])
         by[: m.nd, momenta] = inverse
-        rho = slice(m.nq + m.nd, m.nx)
+        rho = slice(m.nv + m.nd, m.ndx)
         by[: m.nd, rho] = -inverse @ M[: m.nd, m.nd :]
         by[m.nd :, rho] = np.eye(m.nrho)
         out[k] += by.T @ (of_rates[:, None] * by)

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from leastaction.errors import ArgumentError, closest
-from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.turns import differences
 from leastaction.numerics.arrays import Array, as_number
 from leastaction.numerics.names import matching
 from leastaction.optimal.discrete.cost import Cost, QuadraticCost
@@ -33,7 +33,6 @@ def following_cost(
         Unknown names, negative weights, an input without one.
     """
     m = system.mechanism
-    angles_only(m, "following_cost")
     # Where frames are wanted, so is the pose that reaches them, a little: what they leave open is not left to wander.
     reached = any(values.ndim == 2 for values in wanted.values())
     value = {name: _PLACE if name in m.kinematic else _POSE * reached for name in m.variables}
@@ -47,20 +46,21 @@ def following_cost(
         if not chosen:
             raise ArgumentError(f"weights: nothing is called {pattern!r}; {closest(pattern, names, what='names')}")
         value |= dict.fromkeys(chosen, as_number(weight, f"weights: {pattern!r}", least=0.0))
-    goal, counts = x.copy(), np.ones(x.shape)
+    goal, counts = x.copy(), np.ones((len(x), system.ndx))
     for name, values in wanted.items():
         if values.ndim == 1:
-            i, left_out = m.variables.index(name), np.isnan(values)
-            goal[:, i], counts[left_out, i] = np.where(left_out, x[:, i], values), 0.0
-    Q = np.zeros(system.nx)
-    Q[: m.nq] = [value[name] if wanted.get(name, x[0]).ndim == 1 else 0.0 for name in m.variables]
-    Q[m.nq : m.nq + m.nd] = [value[f"momentum of {name}"] for name in m.dynamic]
+            place, left_out = m.coordinates.index(name), np.isnan(values)
+            goal[:, place] = np.where(left_out, x[:, place], values)
+            counts[left_out, m.variables.index(name)] = 0.0
+    Q = np.zeros(system.ndx)
+    Q[: m.nv] = [value[name] if wanted.get(name, x[0]).ndim == 1 else 0.0 for name in m.variables]
+    Q[m.nv : m.nv + m.nd] = [value[f"momentum of {name}"] for name in m.dynamic]
     # Of places to come a little is weighed too, as every input has to be.
     R = np.concatenate([[value[name] for name in m.inputs], np.full(m.nrho, _NEXT)])
     if (R <= 0.0).any():
         raise ArgumentError(f"weights: input {m.inputs[int(np.argmin(R))]!r} has none, expected a positive one")
     each = Q if counts.all() else (Q * counts[:-1])[:, :, None]  # a diagonal per stage
-    cost: Cost = QuadraticCost(goal, u, Q=each, R=R, Q_final=Q * counts[-1])
+    cost: Cost = QuadraticCost(goal, u, Q=each, R=R, Q_final=Q * counts[-1], space=system)
     places = {name: values for name, values in wanted.items() if values.ndim == 2}
     if places:
         cost = PlaceCost(cost, system, places, {name: value[name] for name in places})
@@ -72,7 +72,7 @@ def following_cost(
 def _taken_along(m: Mechanism, x: Array, wanted: Mapping[str, Array]) -> list[str]:
     """Return the dynamic variables that only constraints move with the wanted frames: where to is not known of them."""
     q = x[:, : m.nq]
-    moves = np.ptp(q[:, : m.nd], axis=0) > 0.0
+    moves = np.ptp(differences(m, q, np.broadcast_to(q[0], q.shape))[:, : m.nd], axis=0) > 0.0
     held, leads = np.zeros(m.nd, dtype=np.bool_), np.zeros(m.nd, dtype=np.bool_)
     for at in q[:: max(1, len(q) // _LOOKS)]:
         held |= m.constraint_jacobian(at)[:, : m.nd].any(axis=0)

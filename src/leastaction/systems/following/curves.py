@@ -10,6 +10,7 @@ from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.legendre import to_momentum
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.turns import differences, middles, moved_by, rates_along
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Instants
 from leastaction.systems.midpoint import MidpointSystem
@@ -37,13 +38,13 @@ def through(t: Array, values: Array) -> Array:
 def wanted_curve(system: MidpointSystem, wanted: Mapping[str, Array], start: State | None) -> tuple[Array, Array]:
     """Return states and inputs of the wanted motion, brought onto the constraints, without inputs."""
     m, t = system.mechanism, system.t
-    q = np.zeros((len(t), m.nq)) if start is None else np.tile(start.q, (len(t), 1))
-    known = np.zeros(m.nq, dtype=np.bool_)
+    q = np.tile(m.configuration() if start is None else start.q, (len(t), 1))
+    known = np.zeros(m.nv, dtype=np.bool_)
     places = {}
     for name, values in wanted.items():
         if values.ndim == 1:
             known[m.variables.index(name)] = True
-            q[:, m.variables.index(name)] = values
+            q[:, m.coordinates.index(name)] = values
         else:
             places[name] = values
     free = np.flatnonzero(~known[: m.nd])
@@ -52,14 +53,14 @@ def wanted_curve(system: MidpointSystem, wanted: Mapping[str, Array], start: Sta
         _reach(m, at, free, {name: values[k] for name, values in places.items()})
 
     configurations_onto_constraints(m, q, known, start, reach if places else None)
-    v = np.gradient(q, t, axis=0)
+    v = rates_along(m, q, t)
     if places:
         known[: m.nd] = True
     v[:, ~known] = 0.0
     velocities_onto_constraints(m, q, v, known)
     x = system.states_along(q, to_momentum(m, q, v))
     x[0, : m.nx] = (system.integrator.start(q[0]) if start is None else start).x
-    return x, np.hstack([np.zeros((system.N, m.n_inputs)), q[1:, m.nd :]])
+    return x, np.hstack([np.zeros((system.N, m.n_inputs)), q[1:, m.nq - m.nrho :]])
 
 
 def held_still(system: MidpointSystem, x: Array) -> tuple[Array, Array]:
@@ -67,7 +68,7 @@ def held_still(system: MidpointSystem, x: Array) -> tuple[Array, Array]:
     m, still = system.mechanism, np.zeros_like(x)
     still[:, : m.nq] = x[0, : m.nq]
     still[0] = x[0]
-    u = np.hstack([np.zeros((system.N, m.n_inputs)), still[1:, m.nd : m.nq]])
+    u = np.hstack([np.zeros((system.N, m.n_inputs)), still[1:, m.nq - m.nrho : m.nq]])
     return still, with_inputs(system, still, u) if m.n_inputs else u
 
 
@@ -75,8 +76,8 @@ def with_inputs(system: MidpointSystem, x: Array, u: Array) -> Array:
     """Return inputs with those that make a motion as nearly as inputs can, by inverse dynamics between the instants."""
     m, dt = system.mechanism, np.diff(system.t)[:, None]
     q = x[:, : m.nq]
-    v = np.gradient(q, system.t, axis=0)
-    middle, speed, change = 0.5 * (q[1:] + q[:-1]), np.diff(q, axis=0) / dt, np.diff(v, axis=0) / dt
+    v = rates_along(m, q, system.t)
+    middle, speed, change = middles(m, q), differences(m, q[1:], q[:-1]) / dt, np.diff(v, axis=0) / dt
     dynamics = ContinuousDynamics(m)
 
     def missing(inputs: Array, multipliers: Array) -> Array:
@@ -116,8 +117,9 @@ def _reach(m: Mechanism, q: Array, free: Instants, places: Mapping[str, Array]) 
         step = np.linalg.solve(J.T @ J + damping * np.eye(len(free)), -J.T @ off)
         if np.abs(step).max() < _CLOSE:
             return
-        trial = q.copy()
-        trial[free] += step
+        move = np.zeros(m.nv)
+        move[free] = step
+        trial = moved_by(m, q, move)
         found = away(trial)
         before, after = off @ off, found @ found
         if after <= before:

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError, LeastActionError, closest
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import State, Trajectory
-from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import (
     Array,
@@ -107,7 +106,7 @@ class Followed(Frozen):
         q = np.ascontiguousarray(self.result.x[:, : m.nq])
         found = {}
         for name, goal in self.wanted.items():
-            made = q[:, m.variables.index(name)] if goal.ndim == 1 else m.positions(q, [name])[:, 0]
+            made = q[:, m.coordinates.index(name)] if goal.ndim == 1 else m.positions(q, [name])[:, 0]
             squares = (made - goal) ** 2
             if goal.ndim == 2:
                 squares = np.where(np.isnan(goal).all(axis=1), np.nan, np.nansum(squares, axis=1))
@@ -186,7 +185,6 @@ def follow(
     weights = {} if weights is None else weights
     require_mapping(weights, "weights", "{'hand': 100.0}")
     m = mechanism
-    angles_only(m, "follow")
     wanted, times = _wanted(m, motion, t)
     if start is not None:
         require_instance(start, "start", State, "MidpointVI(mechanism).start(q) makes one of a configuration")
@@ -223,12 +221,14 @@ def _wanted(
         times, given = as_times(motion.t), {name: motion[name] for name in motion.names}
     if not given:
         raise ArgumentError("motion: got nothing that is wanted, expected values of variables or places of frames")
+    # Of a quaternion neither its numbers nor its turns are wanted one by one.
+    plain = [name for name in m.variables if name in m.coordinates]
     found = {}
     for name, values in given.items():
-        if name not in m.variables and name not in m.frames:
-            known = closest(name, (*m.variables, *m.frames), what="variables and frames")
+        if name not in plain and name not in m.frames:
+            known = closest(name, (*plain, *m.frames), what="variables and frames")
             raise ArgumentError(f"motion: nothing is called {name!r}; {known}")
-        shapes = [(len(times),)] * (name in m.variables) + [(len(times), 3)] * (name in m.frames)
+        shapes = [(len(times),)] * (name in plain) + [(len(times), 3)] * (name in m.frames)
         found[name] = _with_gaps(values, f"motion: {name!r}", shapes)
     return found, times
 

@@ -166,10 +166,13 @@ class Tensions(Quantity):
     def __init__(self, mechanism: Mechanism, strings: Scaled, dt: Array) -> None:
         self.mechanism, self.strings, self.dt = mechanism, strings, dt
         self.names = strings.names
-        places = mechanism.nx + strings.rows, strings.places, mechanism.nq + strings.places
+        m = mechanism
+        # A length is a prescribed variable; its rate stands behind the momenta. Where there is none, nothing is read.
+        rates = m.nq + m.nd + np.maximum(strings.places - (m.nq - m.nrho), 0) if m.nrho else strings.places
+        places = m.nx + strings.rows, strings.places, rates
         self._lam, self._length, self._rate = places
         # A state has more numbers than directions, before those of prescribed variables, where it has quaternions.
-        by = [each - (mechanism.nx - mechanism.ndx) for each in places]
+        by = [np.maximum(each - (m.nx - m.ndx), 0) for each in places]
         self._columns = np.unique(np.concatenate(by))
         self._at = [np.searchsorted(self._columns, each) for each in by]
 

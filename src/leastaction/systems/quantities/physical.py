@@ -16,8 +16,8 @@ import numpy as np
 from leastaction.errors import ArgumentError, DescriptionError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.parameters import AXES, BodyNumber, ElementNumber, Place, parameter_value
-from leastaction.optimal.discrete.system import FINAL_TIME
 from leastaction.optimal.quantity import Entries, FunctionQuantity, Quantity
+from leastaction.optimal.system import FINAL_TIME
 
 _TINY = 1e-12  # of a number's size: so little below zero is refused already where negative numbers are
 

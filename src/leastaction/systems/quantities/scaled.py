@@ -15,8 +15,8 @@ from leastaction.optimal.quantity import Instants
 class Scaled(NamedTuple):
     """Entries of a vector, each times ``constant + slope q[place]``.
 
-    ``names``: of them. ``rows`` (m,): of the entries. ``places`` (m,): the variables that scale them; where none does,
-    any, with a slope of zero. ``constant``, ``slope`` (m,).
+    ``names``: of them. ``rows`` (m,): of the entries. ``places`` (m,): the coordinates that scale them; where none
+    does, any, with a slope of zero. ``constant``, ``slope`` (m,).
     """
 
     names: tuple[str, ...]
@@ -46,7 +46,7 @@ class Scaled(NamedTuple):
             long = element.tension(pull, one, dict.fromkeys(m.variables, one))
             if short is not None and long is not None:
                 variable = element.length_variable
-                place = 0 if variable is None else m.variables.index(variable)
+                place = 0 if variable is None else m.coordinates.index(variable)
                 found.append((name, row, place, float(short[0]), float(long[0] - short[0])))
         names, rows, places, constant, slope = zip(*found, strict=True) if found else ((), (), (), (), ())
         return cls(

@@ -43,6 +43,8 @@ class _Coefficients(Kind):
 class Damping(Force):
     """Linear damping of the dynamic variables: ``f_i = -c_i v_i``.
 
+    Of a joint whose rotation is a quaternion, of its angular velocities, ``"hip.wx"``.
+
     Parameters
     ----------
     coefficients : float or mapping of str to float
@@ -94,23 +96,14 @@ class Damping(Force):
         return replace(self, coefficients={**self.named, parameter: value})
 
     def add_to(self, core: Compiler) -> None:
-        turns = core.context.turns
-        if turns and self.default != 0.0:
-            raise DescriptionError(
-                f"{self.label}: every dynamic variable has a damper, but the rotation of "
-                f"{next(iter(turns.values()))!r} is a quaternion and has no angles to be damped; name the variables, "
-                "or give the joint angles, axes='xyz'"
-            )
         for index, name in enumerate(core.context.dynamic):
             # A zero that was written is a parameter; one that was left out is no damping.
             if name in self.named or self.default != 0.0:
                 c = self.named.get(name, self.default)
-                core.record(name, core.builder.add_damping(index, c))
-
-
-def _oppose(core: Compiler, on: Scalar, law: int) -> None:
-    """Add the force ``-law(s')`` along a scalar."""
-    core.force(core.along(on), -1.0, by_rate=law)
+                if name in core.context.turns:
+                    core.force_by_rate(name, -1.0, by_rate=core.builder.law("linear", [core.parameter(name, c)]))
+                else:
+                    core.record(name, core.builder.add_damping(index, c))
 
 
 @dataclass(frozen=True)
@@ -170,7 +163,7 @@ class NonlinearDamping(Force):
 
     def add_to(self, core: Compiler) -> None:
         powers = [c for i in range(len(self.coefficients)) for c in (0.0, f"c{2 * i + 1}")]
-        _oppose(core, self.on, core.law("polynomial", *powers))
+        core.force_by_rate(self.on, -1.0, by_rate=core.law("polynomial", *powers))
 
 
 @public
@@ -207,7 +200,7 @@ class CoulombFriction(Force):
     reads = "{on}, {force} beyond a speed of {speed}"
 
     def add_to(self, core: Compiler) -> None:
-        _oppose(core, self.on, core.law("tanh", "force", "speed"))
+        core.force_by_rate(self.on, -1.0, by_rate=core.law("tanh", "force", "speed"))
 
 
 @public

@@ -23,7 +23,8 @@ class JointForce(Force):
     """An input straight onto a dynamic variable, ``f_i = u``, or onto a sum of some, ``f_i = factor_i u``.
 
     The force on a sum ``s = sum of factor q`` does the work ``u ds``: half of it for each of two joints that
-    a motor drives by a differential, ``{"left": 0.5, "right": 0.5}``.
+    a motor drives by a differential, ``{"left": 0.5, "right": 0.5}``. On a turn of a joint whose rotation is a
+    quaternion, ``"hip.wx"``, it is a torque about that axis behind the joint.
 
     Parameters
     ----------
@@ -55,10 +56,10 @@ class JointForce(Force):
         return tuple(Push(name, (((f, 0.0, 0.0), self.input),), joint=True) for name, f in factors.items())
 
     def add_to(self, core: Compiler) -> None:
-        if isinstance(self.variable, str):
+        if isinstance(self.variable, str) and self.variable not in core.context.turns:
             core.builder.add_joint_force(core.variable(self.variable), core.input(self.input))
         else:
-            core.force(core.sum(self.variable), 1.0, self.input)
+            core.force_by_rate(self.variable, 1.0, self.input)
 
 
 @public

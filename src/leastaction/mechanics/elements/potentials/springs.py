@@ -36,6 +36,9 @@ from leastaction.numerics.public import public
 class JointSpring(Potential):
     """A spring on a configuration variable, or on a sum of some: ``V = k/2 (s - s0)^2``.
 
+    A turn of a joint whose rotation is a quaternion, ``"hip.wx"``, stands for that component of its rotation vector
+    (rad), smooth below half a turn: three such springs pull back about the axis of the rotation.
+
     Parameters
     ----------
     variable : str or mapping of str to float

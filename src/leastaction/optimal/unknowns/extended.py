@@ -1,0 +1,184 @@
+"""What systems that are extended by constants share, in either kind of time.
+
+``y = [x of the system, less c where that is kept; parameters p; entries c of the first state]``, where p and c stay.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from leastaction.numerics.arrays import Array
+from leastaction.numerics.differences import fourth_order
+from leastaction.optimal.quantity import Entries, as_slice
+from leastaction.optimal.system import FINAL_TIME, System
+
+_PART = 1e-3  # of a parameter, by which it is moved for differences
+_SOME = 1e-3  # of the largest entry of a direction is one that belongs to it
+
+
+class Extended(System):
+    """A system with parameters, and entries of its first state, as constant states; those entries count from there.
+
+    ``system``: with the parameters, at values of its own. ``copied``: entries of the state whose first values are kept.
+    ``free_start``: what of the system's own initial state is free.
+    """
+
+    system: Any
+
+    def __init__(
+        self, system: Any, parameters: Sequence[str], copied: Sequence[int], free_start: bool | Sequence[str]
+    ) -> None:
+        self.system, self.names, self.free_start = system, tuple(parameters), free_start
+        self.copied = np.array(copied, dtype=np.intp)
+        self.n_own, self.d_own, self.nu = system.nx, system.ndx, system.nu
+        self.at_copies = self.n_own + len(self.names)
+        self.nx = self.at_copies + len(self.copied)
+        self.has_curvature = system.has_curvature
+        # As a slice, which copies nothing, where they follow each other.
+        self.kept: Any = as_slice(self.copied)
+        # How the system's own state follows from the extended one.
+        own = np.eye(self.n_own)
+        self.moves = np.hstack([own, np.zeros((self.n_own, len(self.names))), own[:, self.copied]])
+        free = set(range(self.n_own if free_start is True else 0))
+        if not isinstance(free_start, bool):
+            free = set(system.free_entries(free_start))
+        told = free.intersection(self.copied.tolist())
+        self._told = np.array([i in told for i in range(self.n_own)], dtype=np.bool_)  # by equations, of the start
+        # Where the entries of [y; u] are among those of [x; p; u]: c moves what is kept.
+        inputs = self.at_copies + np.arange(self.nu)
+        self._places = np.concatenate([np.arange(self.at_copies), self.copied, inputs])
+
+    @property
+    def final_time(self) -> int | None:
+        """The place of the final time in the state, if it is found."""
+        return self.n_own + self.names.index(FINAL_TIME) if FINAL_TIME in self.names else None
+
+    # ---- Its state --------------------------------------------------------------------------------
+
+    @abstractmethod
+    def at(self, values: Array) -> Any:
+        """Return the system with values of the parameters (P,)."""
+
+    @abstractmethod
+    def near(self, values: Array) -> Any:
+        """Return the same for differences: as if all values were possible."""
+
+    @abstractmethod
+    def start_time(self) -> float:
+        """Return the time of the first state (s)."""
+
+    def named(self, values: Array) -> Mapping[str, float]:
+        """Return values of the parameters (P,) by their names."""
+        return dict(zip(self.names, values.tolist(), strict=True))
+
+    def values(self, x: Array) -> Array:
+        """Return the parameters (P,) of a state (nx,)."""
+        return np.asarray(x[self.n_own : self.at_copies])
+
+    def own(self, x: Array) -> Array:
+        """Return the system's own states of such of the extended system."""
+        own = x[..., : self.n_own].copy()
+        if len(self.copied):
+            own[..., self.kept] += x[..., self.at_copies :]
+        return own
+
+    def extended(self, x: Array, values: Array) -> Array:
+        """Return states (nx,) or (N+1, nx) for such of the system, with values of the parameters (P,)."""
+        first = (x if x.ndim == 1 else x[0])[self.kept]
+        whole = np.empty((*x.shape[:-1], self.nx))
+        whole[..., : self.n_own], whole[..., self.n_own : self.at_copies] = x, values
+        whole[..., self.at_copies :] = first
+        whole[..., self.kept] -= first
+        return whole
+
+    # ---- Derivatives ------------------------------------------------------------------------------
+
+    def _joined(self, H: Array, once: Array, twice: Array) -> Array:
+        """Return second derivatives by ``[y; u]``.
+
+        ``H``: by the system's own (x, u). ``once`` (n, nx of the system + nu, P): by these and parameters. ``twice``
+        (n, P, P): by parameters.
+        """
+        n, end = self.d_own, self.d_own + len(self.names)
+        by = np.empty((len(H), end + self.nu, end + self.nu))
+        by[:, :n, :n], by[:, :n, end:], by[:, end:, :n], by[:, end:, end:] = (
+            H[:, :n, :n], H[:, :n, n:], H[:, n:, :n], H[:, n:, n:]
+        )  # fmt: skip
+        by[:, :n, n:end], by[:, end:, n:end] = once[:, :n], once[:, n:]
+        by[:, n:end, :n], by[:, n:end, end:] = once[:, :n].transpose(0, 2, 1), once[:, n:].transpose(0, 2, 1)
+        by[:, n:end, n:end] = 0.5 * (twice + twice.transpose(0, 2, 1))
+        return self._by_extended(by)
+
+    def _by_extended(self, H: Array) -> Array:
+        """Return second derivatives by ``[y; u]``, given those by ``[x; p; u]``."""
+        return H[:, self._places[:, None], self._places] if len(self.copied) else H
+
+    # ---- Its start --------------------------------------------------------------------------------
+
+    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
+        del free
+        n, count = self.d_own, len(self.names)
+        own = self.own(x)
+        if self.free_start is False:
+            Z = np.zeros((n, 0))
+        else:
+            names = None if isinstance(self.free_start, bool) else self.free_start
+            Z = self.system.start_directions(own, names)
+            # What only the equations tell of, if they do.
+            idle = self.system.idle_directions(own) if self._told.any() else np.zeros((n, 0))
+            if idle.shape[1] and self._told[idle.any(axis=1)].all():
+                Z = np.hstack([Z, idle])
+        whole = np.zeros((self.ndx, Z.shape[1] + count))
+        whole[:n, : Z.shape[1]] = Z
+        if count:
+            system = self.at(self.values(x))
+            whole[:n, Z.shape[1] :] = system.start_by_parameters(own, self.names, self.free_start)
+            whole[n : n + count, Z.shape[1] :] = np.eye(count)
+        whole[n + count :] = whole[self.kept]
+        whole[self.kept] = 0.0
+        return whole
+
+    def moved_start(self, x: Array, dx: Array) -> Array:
+        values = self.values(x) + dx[self.d_own : self.d_own + len(self.names)]
+        own = self.own(x)
+        if self.free_start is not False:
+            own = self.at(values).moved_start(own, self.own(dx) if self.space is None else dx[: self.d_own])
+        return self.extended(own, values)
+
+    # ---- What it is asked -------------------------------------------------------------------------
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        return (*self.system.quantities, "unknown")
+
+    def input_name(self, i: int) -> str:
+        name: str = self.system.input_name(i)
+        return name
+
+    def unknowns_along(self, dx: Array) -> list[str]:
+        parts = np.abs(dx[self.d_own : self.d_own + len(self.names)])
+        return [name for name, part in zip(self.names, parts, strict=True) if part > _SOME * np.abs(dx).max()]
+
+    def unknown_quantity(self) -> Entries:
+        """Return the parameters as a quantity."""
+        return Entries(self.names, range(self.n_own, self.at_copies), of_state=True)
+
+
+def stepped(at: Array, j: int, by: float | None = None) -> Array:
+    """Return an argument (P,) with entry j moved, by a step of `by_differences` if not said by how much."""
+    other = at.copy()
+    other[j] += _step(at, j) if by is None else by
+    return other
+
+
+def by_differences(function: Callable[[Array], Any], at: Array, j: int) -> Array:
+    """Return the derivative of a smooth function by entry j of its argument (P,): differences of fourth order."""
+    return fourth_order(lambda by: np.asarray(function(stepped(at, j, by))), _step(at, j))
+
+
+def _step(at: Array, j: int) -> float:
+    return _PART * (abs(float(at[j])) or 1.0)
