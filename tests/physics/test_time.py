@@ -13,6 +13,7 @@ from leastaction import (
     FinalTime,
     Gravity,
     Mechanism,
+    MechanismSystem,
     MidpointSystem,
     MidpointVI,
     PointToPoint,
@@ -110,7 +111,9 @@ def test_derivatives_of_steps_are_those_of_the_twin(runs) -> None:
     weights = np.zeros((run.steps, same.mechanism.nx))
     weights[:, at] = z
     order = np.concatenate([at, same.mechanism.nx + np.arange(m.n_inputs)])
-    assert vi.curvature(mine, z) == pytest.approx(other.curvature(theirs, weights)[:, order][:, :, order], abs=1e-8)
+    assert vi.curvature(run, mine, z) == pytest.approx(
+        other.curvature(same, theirs, weights)[:, order][:, :, order], abs=1e-8
+    )
     names = ["pull.k", "push.c"]
     by, by_theirs = vi.differentiate_by(run, names), other.differentiate_by(same, names)
     assert by.x == pytest.approx(by_theirs.x[:, at], abs=1e-10)
@@ -146,6 +149,8 @@ def test_continuous_time_is_that_of_the_twin() -> None:
     order = [0, 1, 3, 4, 6]
     of_twin = theirs.curvature(Q, V, u, z_a=z)[:, order][:, :, order]
     assert mine.curvature(q, v, u, t=t, z_a=z) == pytest.approx(of_twin, abs=1e-10)
+    assert not MechanismSystem(m).autonomous
+    assert MechanismSystem(twin).autonomous
     assert mine.inverse_dynamics(q, v, a, u=u, t=t) == pytest.approx(np.zeros((4, 2)), abs=1e-12)
 
 

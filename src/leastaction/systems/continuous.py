@@ -122,9 +122,9 @@ class MechanismSystem(ContinuousSystem):
 
     @property
     def autonomous(self) -> bool:  # type: ignore[override]
-        """Whether nothing depends on time: so of a mechanism, unless a subclass has rates of its own."""
+        """Whether nothing depends on time: no expression in it, and no subclass has rates of its own."""
         kind = type(self)
-        return kind.rates is MechanismSystem.rates and kind.f is MechanismSystem.f
+        return not self.mechanism.core.timed and kind.rates is MechanismSystem.rates and kind.f is MechanismSystem.f
 
     @property
     def quantities(self) -> tuple[str, ...]:
