@@ -93,9 +93,8 @@ def _lacking(motion: Trajectory | ContinuousTrajectory) -> tuple[Array, Array]:
         found = ContinuousDynamics(m).inverse_dynamics(
             motion.q, motion.v, motion.a, motion.lam, u=motion.inputs, t=motion.t
         )
-        slopes = [
-            m.core.gradient(*map(np.ascontiguousarray, state))[0] for state in zip(motion.q, motion.v, strict=True)
-        ]
+        at = zip(map(np.ascontiguousarray, motion.q), map(np.ascontiguousarray, motion.v), motion.t, strict=True)
+        slopes = [m.core.gradient(q, v, t)[0] for q, v, t in at]
         inertia = [m.mass_matrix(q)[: m.nd] @ a for q, a in zip(motion.q, motion.a, strict=True)]
         scale = max(float(np.abs(slopes).max(initial=0.0)), float(np.abs(inertia).max(initial=0.0)))
         return motion.t, found[:, : m.nd] / (scale or 1.0)
