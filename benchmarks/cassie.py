@@ -40,7 +40,7 @@ def step(model: la.Model) -> la.Followed:
 
 def main(file: Path, output: Path) -> None:
     """Assemble, let fall, move, print and draw."""
-    model = la.load(file, fixed=PELVIS)
+    model = la.load(file, fixed=PELVIS, axes="xyz")
     m, vi, closed = model.mechanism, la.MidpointVI(model.mechanism), assembled(model)
     print(f"{m.nq} variables, {m.nc} constraints of rank {m.constraint_rank(closed.q)}, {closed.iterations} steps")
     fall = vi.simulate(vi.start(closed.q), np.linspace(0.0, 1.0, 2001))

@@ -27,7 +27,10 @@ def solve() -> tuple[la.starts.Followed, la.Trajectory]:
     s = (t / t[-1]) ** 3 * (10.0 - 15.0 * (t / t[-1]) + 6.0 * (t / t[-1]) ** 2)  # from rest to rest
     path = m.positions(drawn, ["tool"])[0] + np.stack([0.3 * (s - 0.5), 0.0 * s, 0.08 * np.sin(np.pi * s)], axis=1)
     platform = ["platform.x", "platform.y", "platform.z"]
-    moved = drawn + m.configuration(dict(zip(platform, path[0] - m.positions(drawn, ["tool"])[0], strict=True)))
+    places = m.named(drawn)
+    for name, way in zip(platform, path[0] - m.positions(drawn, ["tool"])[0], strict=True):
+        places[name] += way
+    moved = m.configuration(places)
     start = vi.start(la.project_configuration(m, moved, hold=platform).q)
     found = la.follow(m, {"tool": path}, {"turn *": 1e-7}, model.limits, t=t, start=start)
     return found, vi.simulate(start, t, inputs=found.trajectory.inputs)

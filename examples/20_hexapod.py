@@ -19,7 +19,7 @@ FILE = Path(__file__).parent / "models" / "stewart.xml"
 
 def solve() -> tuple[la.starts.Followed, la.Trajectory]:
     """Return the motion that is nearest to what is wanted, and the same made anew from its forces alone."""
-    model = la.load(FILE)
+    model = la.load(FILE, axes="xyz")
     m, vi = model.mechanism, la.MidpointVI(model.mechanism)
     home = la.project_configuration(m, m.configuration(model.reference)).q
     t = np.linspace(0.0, 2.0, 201)

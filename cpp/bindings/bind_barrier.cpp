@@ -3,9 +3,11 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/tuple.h>
 
 #include "arrays.hpp"
 #include "optimal/barrier.hpp"
+#include "optimal/limit_prices.hpp"
 #include "optimal/limit_rows.hpp"
 
 using namespace nanobind::literals;
@@ -36,6 +38,15 @@ void move_duals(const Values& slack, const Values& excess, double mu, const Valu
         .move_duals(slack.data(), excess.data(), y.data(), dc.data(), slack_after.data(), out.data());
 }
 
+double off_center(const Values& slack, const Values& excess, const Values& rho, const Values& y) {
+    return barrier_of(0.0, rho, slack, excess, y).off_center(slack.data(), excess.data(), y.data());
+}
+
+void first_duals(const Values& barrier, const Values& rho, const Result& out) {
+    barrier_of(0.0, rho, barrier, out);
+    for (std::size_t i = 0; i < rho.size(); ++i) out.data()[i] = first_multiplier(barrier.data()[i], rho.data()[i]);
+}
+
 double step(const Values& c, const Values& slack, const Values& excess, double mu, const Values& rho, const Values& y,
             const Values& dc, double fall, double least, double length) {
     return barrier_of(mu, rho, c, slack, excess, y, dc)
@@ -60,6 +71,31 @@ std::pair<double, double> advance(const Values& c, const Values& slack, const Va
 }
 
 using Places = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+void within(const Places& some, std::size_t end, const char* what) {
+    for (std::size_t i = 0; i < some.shape(0); ++i)
+        if (some.data()[i] < 0 || some.data()[i] >= static_cast<std::int64_t>(end))
+            throw std::invalid_argument(std::string(what) + ": no such place: " + std::to_string(some.data()[i]));
+}
+
+using Flags = nb::ndarray<const bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+std::tuple<bool, double, double> price(const Places& column, const Places& other, const Flags& equal, const Flags& hard,
+                                       const Values& dear, const Values& scale, double dearest, double met, double kept,
+                                       const Values& c, const Result& rho, const Result& y, const Result& prices) {
+    const std::size_t entries = column.size(), columns = rho.size();
+    for (const std::size_t size : {other.size(), c.size(), y.size(), prices.size()}) expect(size, entries, "of entries");
+    for (const std::size_t size : {equal.size(), hard.size(), dear.size(), scale.size()})
+        expect(size, columns, "of columns");
+    within(column, columns, "column");
+    within(other, entries, "other");
+    const LimitColumns limits{static_cast<std::ptrdiff_t>(entries), static_cast<std::ptrdiff_t>(columns), column.data(),
+                              other.data(), equal.data(), hard.data(), dear.data(), scale.data()};
+    const Priced found =
+        price_limits(limits, {dearest, met, kept}, c.data(), rho.data(), y.data(), prices.data());
+    return {found.dearer, found.dearest, found.cheapest};
+}
+
 using Matrices = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
 void add_rows(const In<3>& J, const In<2>& sigma, const std::optional<In<3>>& bent, const Places& k,
@@ -74,11 +110,6 @@ void add_rows(const In<3>& J, const In<2>& sigma, const std::optional<In<3>>& be
         expect(bent->shape(0), n, "bent");
         for (const std::size_t i : {1, 2}) expect(bent->shape(i), c, "bent");
     }
-    const auto within = [](const Places& some, std::size_t end, const char* what) {
-        for (std::size_t i = 0; i < some.shape(0); ++i)
-            if (some.data()[i] < 0 || some.data()[i] >= static_cast<std::int64_t>(end))
-                throw std::invalid_argument(std::string(what) + ": no such place: " + std::to_string(some.data()[i]));
-    };
     within(k, to.shape(0), "k");
     within(places, width, "places");
     LimitRows limits(rows, std::vector<std::size_t>(places.data(), places.data() + c), width);
@@ -103,6 +134,14 @@ void bind_barrier(nb::module_& m) {
     m.def("barrier_advance", &advance, "c"_a, "slack"_a, "excess"_a, "mu"_a, "rho"_a, "y"_a, "dc"_a, "fall"_a, "bend"_a,
           "c_after"_a, "slack_after"_a, "excess_after"_a, "y_after"_a,
           "Goes to where that model is least; returns how far it is, and the sum of the barriers there.");
+    m.def("barrier_off_center", &off_center, "slack"_a, "excess"_a, "rho"_a, "y"_a,
+          "The largest product of a dual and its slack, or of what its price has left and its excess.");
+    m.def("barrier_first_duals", &first_duals, "barrier"_a, "rho"_a, "out"_a,
+          "Writes duals to begin with, given those of the barrier.");
+    m.def("price_limits", &price, "column"_a, "other"_a, "equal"_a, "hard"_a, "dear"_a, "scale"_a, "dearest"_a, "met"_a,
+          "kept"_a, "c"_a, "rho"_a, "y"_a, "prices"_a,
+          "Changes the prices of columns and the duals of entries, and writes the prices of these; returns whether some "
+          "limit needs a higher price, and the highest and the lowest of an excess of its scale.");
     m.def("add_limit_rows", &add_rows, "jacobian"_a, "sigma"_a, "bent"_a.none(), "k"_a, "places"_a, "to"_a,
           "Adds J' sigma J - bent of every one of n stages at some places of matrices of stages k.");
 }

@@ -7,6 +7,7 @@ void bind_builder(nanobind::module_&);
 void bind_mechanism(nanobind::module_&);
 void bind_midpoint(nanobind::module_&);
 void bind_linear_quadratic(nanobind::module_&);
+void bind_quadratic_cost(nanobind::module_&);
 void bind_barrier(nanobind::module_&);
 void bind_tape(nanobind::module_&);
 void bind_continuous(nanobind::module_&);
@@ -23,5 +24,6 @@ NB_MODULE(LEASTACTION_MODULE, m) {
     leastaction::bind_midpoint(m);
     leastaction::bind_continuous(m);
     leastaction::bind_linear_quadratic(m);
+    leastaction::bind_quadratic_cost(m);
     leastaction::bind_barrier(m);
 }

@@ -7,7 +7,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "numerics/dual.hpp"
+#include "numerics/lanes.hpp"
 #include "numerics/spatial.hpp"
 
 namespace leastaction {
@@ -74,23 +74,39 @@ struct Constants {
     double number(int slot) const { return numbers[slot]; }
 };
 
+// Numbers of the elements, by slot; others may stand for those of the mechanism, and the time for the one in its slot.
 template <class T>
-class Placement {
+struct Numbers {
+    const double* numbers;
+    const double* number_slopes = nullptr;  // duals only: the direction in their space
+    int time_slot = -1;
+    double time = 0, time_slope = 0;  // the time (s), and its part of the direction
+
+    T number(int slot) const {
+        const bool timed = slot == time_slot;
+        const double value = timed ? time : numbers[slot];
+        if constexpr (is_dual<T>)
+            return {value, timed ? time_slope : number_slopes ? number_slopes[slot] : 0.0};
+        else
+            return value;
+    }
+    Numbers<double> plain() const { return {numbers, nullptr, time_slot, time}; }
+};
+
+template <class T>
+class Placement : public Numbers<T> {
 public:
     std::vector<Pose<T>> pose;                // by joint, after its motion
     std::vector<Motion<T>> twist;             // by joint, world coordinates, at the world origin
     std::vector<double> angle, sine, cosine;  // work space of place()
-    const double* numbers;                    // of the elements; others may stand for those of the mechanism
-    const double* number_slopes = nullptr;    // duals only: the direction in the space of the numbers
-    double time = 0, time_slope = 0;          // which the number in the time's slot is (s); its slope for duals only
 
     explicit Placement(const Constants& constants)
-        : pose(constants.joints.size()),
+        : Numbers<T>{constants.numbers.data(), nullptr, constants.time_slot},
+          pose(constants.joints.size()),
           twist(pose.size()),
           angle(pose.size() + 8),
           sine(pose.size() + 8),
           cosine(pose.size() + 8),
-          numbers(constants.numbers.data()),
           constants_(&constants) {}
 
     const std::vector<Joint>& joints() const { return constants_->joints; }
@@ -105,14 +121,6 @@ public:
         if (fixed.joint < 0) return {T(fixed.offset.x), T(fixed.offset.y), T(fixed.offset.z)};
         return pose[fixed.joint].R * fixed.offset;
     }
-    T number(int slot) const {
-        const bool timed = slot == constants_->time_slot;
-        const double value = timed ? time : numbers[slot];
-        if constexpr (std::is_same_v<T, double>)
-            return value;
-        else
-            return {value, timed ? time_slope : number_slopes ? number_slopes[slot] : 0.0};
-    }
 
 private:
     const Constants* constants_;
@@ -125,6 +133,7 @@ void place(const std::vector<int>& list, const T* q, Placement<T>& out);
 extern template void place(const std::vector<int>&, const double*, Placement<double>&);
 extern template void place(const std::vector<int>&, const Dual<double>*, Placement<Dual<double>>&);
 extern template void place(const std::vector<int>&, const HyperDual*, Placement<HyperDual>&);
+extern template void place(const std::vector<int>&, const Lanes*, Placement<Lanes>&);
 
 // Reads a twist in the joint's base frame: one of the six primitive axes where it is one, else a screw.
 Axis axis_of(const Motion<double>& twist);

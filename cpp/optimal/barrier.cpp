@@ -12,6 +12,7 @@ constexpr double near = 1e3;      // by this factor duals may be off those of th
 constexpr double below =
     1.0 - 1e-9;                 // times the price is the largest dual: the price less the dual is to have some digits
 constexpr double almost = 0.1;  // of the slope may be left, of the other sign, where a step is not too long
+constexpr double guess = 0.1;  // of its price is the first dual of a limit that is not met
 constexpr int halvings = 8;     // of a step that is too long
 constexpr double nearly = 0.1;  // part to which its length is told
 
@@ -58,6 +59,13 @@ void Barrier::stiffness(const double* slack, const double* excess, const double*
     for (std::ptrdiff_t i = 0; i < size; ++i) out[i] = stiffness_of(slack[i], excess[i], rho[i], y[i]);
 }
 
+double Barrier::off_center(const double* slack, const double* excess, const double* y) const {
+    double largest = 0.0;
+    for (std::ptrdiff_t i = 0; i < size; ++i)
+        largest = std::max({largest, y[i] * slack[i], (rho[i] - y[i]) * excess[i]});
+    return largest;
+}
+
 void Barrier::move_duals(const double* slack, const double* excess, const double* y, const double* dc,
                          const double* slack_after, double* out) const {
     for (std::ptrdiff_t i = 0; i < size; ++i) {
@@ -68,6 +76,8 @@ void Barrier::move_duals(const double* slack, const double* excess, const double
         out[i] = std::min(std::max(kept, barrier / near), most);
     }
 }
+
+double first_multiplier(double barrier, double price) { return barrier > 0.5 * price ? guess * price : barrier; }
 
 // The derivative of the barriers along a direction, with its sign changed: the sum of -psi' dc.
 double Barrier::slope_along(const double* c, const double* dc, double length) const {

@@ -22,6 +22,8 @@ struct Barrier {
     double split(const double* c, double* slack, double* excess) const;
     // -dy/dc of the primal-dual model at the duals y.
     void stiffness(const double* slack, const double* excess, const double* y, double* out) const;
+    // The largest product of a dual with its slack, or of what its price has left with its excess.
+    double off_center(const double* slack, const double* excess, const double* y) const;
     // Duals after a step along dc, which stay inside of (0, rho) and near those of the barriers where it leads to; `slack_after`
     // is that there.
     void move_duals(const double* slack, const double* excess, const double* y, const double* dc,
@@ -54,5 +56,9 @@ private:
     double value(const double* slack, const double* excess) const;
     double slope_along(const double* c, const double* dc, double length) const;
 };
+
+// A dual to begin with, given that of the barrier and the price: a limit that is not met has a barrier that is all but
+// linear, and with a small dual its model has its minimum where the limit is just met.
+double first_multiplier(double barrier, double price);
 
 }  // namespace leastaction

@@ -16,11 +16,11 @@ from leastaction.optimal import (
     Quantity,
     Within,
 )
-from leastaction.systems import Ball, Box, HalfSpace, Keep, Oriented, Pointing, Region
+from leastaction.systems import Ball, Box, HalfSpace, Keep, Oriented, PathBound, Pointing, Region
 
 __all__ = [  # noqa: RUF022 - by topics
     # Limits
-    "Bound", "Equal", "Keep", "Limit", "Oriented", "Periodic", "Pointing", "Within",
+    "Bound", "Equal", "Keep", "Limit", "Oriented", "PathBound", "Periodic", "Pointing", "Within",
     # Regions of space to keep in, or out of
     "Ball", "Box", "HalfSpace", "Region",
     # What is limited

@@ -8,10 +8,27 @@ from functools import partial
 import numpy as np
 import pytest
 
-from leastaction import Bound, QuadraticCost, check_derivatives, optimize
+from leastaction import (
+    Bound,
+    ContinuousQuadraticCost,
+    JointForce,
+    Mechanism,
+    MidpointSystem,
+    MidpointVI,
+    QuadraticCost,
+    check_derivatives,
+    optimize,
+    tx,
+)
 from leastaction.costs import FunctionCost
 from leastaction.errors import ArgumentError
-from leastaction.optimal import FunctionContinuousSystem, FunctionSystem, LinearSystem, cost_along
+from leastaction.optimal import (
+    FunctionContinuousSystem,
+    FunctionSystem,
+    LinearContinuousSystem,
+    LinearSystem,
+    cost_along,
+)
 
 N, DT = 12, 0.1
 NAMES = (["angle", "rate"], ["push"])
@@ -158,3 +175,24 @@ def test_bad_input() -> None:
 
 
 START_OF_COST = np.zeros((3, 2)), np.zeros((2, 1))
+
+
+def test_of_one_input_a_number_will_do() -> None:
+    t, slide = np.linspace(0.0, 1.0, 11), Mechanism([tx("x", mass=1.0)], [JointForce("x", "push")])
+    system, start = MidpointSystem(MidpointVI(slide), t), ([1.0, 0.0], np.zeros((10, 1)))
+    found = [
+        optimize(system, QuadraticCost([0.0, 0.0], u, Q=[1.0, 0.1], R=R), initial=start)
+        for u, R in ((0.2, 0.5), ([0.2], [0.5]))
+    ]
+    np.testing.assert_array_equal(found[0].x, found[1].x)
+    one = {"Q": 2.0, "R": 0.5, "Q_final": 3.0}
+    line = LinearContinuousSystem([[-1.0]], [[1.0]])
+    wanted = (0.3, lambda t: 0.1 * t), ([0.3], lambda t: [0.1 * t])
+    arrays = {name: [value] for name, value in one.items()}
+    other = [
+        optimize(line, ContinuousQuadraticCost(x, u, **weights), initial=(x0, u0), horizon=(0.0, 1.0))
+        for (x, u), weights, x0, u0 in zip(wanted, (one, arrays), ([1.0], [1.0]), (0.0, [0.0]), strict=True)
+    ]
+    np.testing.assert_array_equal(other[0].x, other[1].x)
+    with pytest.raises(ArgumentError, match=r"Q: got shape \(\), expected .*2"):
+        QuadraticCost([0.0, 0.0], 0.0, Q=1.0, R=1.0)

@@ -22,7 +22,7 @@ from leastaction.mechanics import (
 )
 from leastaction.optimal import Bound, QuadraticCost, Status, check_derivatives, optimize
 from leastaction.optimal.quantity import Samples
-from leastaction.systems import MidpointSystem, embed, relax, tracking, warm_start
+from leastaction.systems import MidpointSystem, embed, follow, relax, tracking, warm_start
 
 AXIS = np.array([0.48, 0.6, 0.64])
 N = 40
@@ -187,3 +187,17 @@ def test_ways_to_a_first_motion_with_a_closed_loop() -> None:
     x, _ = warm_start(plain, system, coarse)
     off = _core.difference(m.core, x[1:, : m.nx].copy(), plain.x[2::2, : m.nx].copy())[:, : m.nv]
     assert np.abs(off).max() < 1e-6
+
+
+def test_places_of_frames_are_followed() -> None:
+    m = hanging("rod")
+    vi, t = MidpointVI(m), np.linspace(0.0, 1.0, 41)
+    q = project_configuration(
+        m, m.configuration({"rod": 0.5}), hold=["arm.wx", "arm.wy", "arm.wz"], move_kinematic=True
+    ).q
+    tip = m.positions(q, ("tip",))[0]
+    angle = 0.6 * np.sin(np.pi * t)
+    places = np.stack([tip[0] * np.cos(angle), tip[0] * np.sin(angle), 0.0 * t], axis=1)
+    found = follow(m, {"tip": places}, {"tip": 100.0}, t=t, start=vi.start(q))
+    assert found.result.success, found.result.message
+    assert found.errors["tip"] < 0.02

@@ -74,6 +74,16 @@ def random_point(joints: tuple[JointPart, ...], mechanism: Mechanism, rng: np.ra
             Jv.append(0.0)
             continue
         names = rotations.variables_of(joint)
+        if joint.axes == "quaternion":
+            turn = rng.standard_normal(4)
+            place = [*rng.uniform(-0.8, 0.8, len(names) - 3), *(turn / np.linalg.norm(turn))]
+            q.update(zip(rotations.coordinates_of(joint), place, strict=True))
+            v.update({name: rng.uniform(-1, 1) for name in names})
+            qpos += place
+            qvel += [v[name] for name in names]
+            Jv += [0.0] * len(names)
+            blocks.append((joint.name, np.eye(len(names)), names))
+            continue
         for name in names:
             q[name], v[name] = rng.uniform(-0.8, 0.8), rng.uniform(-1, 1)
         rates, angles = np.array([v[n] for n in names]), np.array([q[n] for n in names])
@@ -86,14 +96,12 @@ def random_point(joints: tuple[JointPart, ...], mechanism: Mechanism, rng: np.ra
         Jv += [0.0] * (len(names) - 3) + list(Ed @ rates[-3:])
         blocks.append((joint.name, J, names))
     order = {name: i for i, name in enumerate(mechanism.variables)}
-    whole = np.zeros((len(qvel), mechanism.nq))
+    whole = np.zeros((len(qvel), mechanism.nv))
     row = 0
     for _, J, names in blocks:
         whole[row : row + len(J), [order[n] for n in names]] = J
         row += len(J)
-    return Point(
-        mechanism.configuration(q), mechanism.configuration(v), np.array(qpos), np.array(qvel), whole, np.array(Jv)
-    )
+    return Point(mechanism.configuration(q), mechanism.velocity(v), np.array(qpos), np.array(qvel), whole, np.array(Jv))
 
 
 def _rate(angles: np.ndarray, rates: np.ndarray) -> np.ndarray:
@@ -144,7 +152,7 @@ def errors(path: Path, model: Model, points: int = 2) -> dict[str, float]:
             M = np.zeros((m.nv, m.nv))
             mujoco.mj_fullM(m, d, M)
             wanted = p.J.T @ (d.qfrc_bias - d.qfrc_passive + M @ Jv)
-            got = dynamics.inverse_dynamics(p.q, v, np.zeros(mechanism.nq))
+            got = dynamics.inverse_dynamics(p.q, v, np.zeros(mechanism.nv))
             size = np.abs(p.J.T) @ (
                 np.abs(d.qfrc_bias) + np.abs(d.qfrc_passive) + np.abs(M) @ (np.abs(Jv) + (p.J @ v) ** 2)
             )
@@ -187,7 +195,7 @@ def error_of_actuators(path: Path, model: Model, points: int = 2) -> float | Non
         for i in np.flatnonzero(m.actuator_actnum):
             d.act[m.actuator_actadr[i]] = ctrl[i]
         mujoco.mj_forward(m, d)
-        still = np.zeros(mechanism.nq)
+        still = np.zeros(mechanism.nv)
         got = alone.inverse_dynamics(p.q, p.v, still) - driven.inverse_dynamics(p.q, p.v, still, u=u)
         size = np.abs(p.J.T) @ np.abs(d.qfrc_actuator)
         worst = max(worst, _ratio(got - p.J.T @ d.qfrc_actuator, np.maximum(size, 1e-6)))

@@ -59,16 +59,19 @@ def errors(path: Path, model: Model, floating: bool, points: int = 2) -> dict[st
     order = {name: i for i, name in enumerate(mechanism.variables)}
     worst = dict.fromkeys(("mass", "gravity", "bias", "acceleration"), 0.0)
     for _ in range(points):
-        q, v = rng.uniform(-0.7, 0.7, mechanism.nq), rng.uniform(-1, 1, mechanism.nq)
-        values = dict(zip(mechanism.variables, q, strict=True))
-        qp, E, Ed = pin.neutral(robot), np.zeros((robot.nv, mechanism.nq)), np.zeros(robot.nv)
+        q, v = rng.uniform(-0.7, 0.7, mechanism.nq), rng.uniform(-1, 1, mechanism.nv)
+        for rotation in mechanism.tree.rotations:
+            place = mechanism.coordinates.index(rotation.quaternion[0])
+            q[place : place + 4] /= np.linalg.norm(q[place : place + 4])
+        values = dict(zip(mechanism.coordinates, q, strict=True))
+        qp, E, Ed = pin.neutral(robot), np.zeros((robot.nv, mechanism.nv)), np.zeros(robot.nv)
         for i in range(1, robot.njoints):
             at, joint = robot.idx_vs[i], robot.joints[i]
             if joint.nv == 6:
-                base = next(k.removesuffix(".rx") for k in order if k.endswith(".rx"))
-                free = rotations.variables_of(JointPart(name=base, kind="free"))
-                columns = [order[name] for name in free]
-                qp[:7], E[:6, columns], Ed[:6] = _base(q[columns], v[columns])
+                base = JointPart(name=mechanism.tree.rotations[0].name, kind="free")
+                columns = [order[name] for name in rotations.variables_of(base)]
+                place = [values[name] for name in rotations.coordinates_of(base)]
+                qp[:7], E[:6, columns], Ed[:6] = _base(np.array(place), v[columns])
                 continue
             value = names.values[robot.names[i]]
             number = value.value(values)
@@ -85,7 +88,7 @@ def errors(path: Path, model: Model, floating: bool, points: int = 2) -> dict[st
             pin.nonLinearEffects(robot, data, qp, E @ v).copy(),
         )
         mass, bias = E.T @ M @ E, E.T @ (h + M @ Ed)
-        zero = np.zeros(mechanism.nq)
+        zero = np.zeros(mechanism.nv)
         worst["mass"] = max(worst["mass"], _ratio(mechanism.mass_matrix(q) - mass, mass))
         sizes = np.abs(E.T) @ (np.abs(g) + np.abs(h) + np.abs(M) @ np.abs(Ed))
         weight = dynamics.inverse_dynamics(q, zero, zero)
@@ -98,29 +101,11 @@ def errors(path: Path, model: Model, floating: bool, points: int = 2) -> dict[st
 
 
 def _base(q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return configuration, E and dE/dt v of a free flyer, whose velocities are in the axes of the body."""
-    a, b, c = q[3:]
-    R = _about(0, a) @ _about(1, b) @ _about(2, c)
-    quaternion = pin.Quaternion(R).coeffs()
-    E = np.zeros((6, 6))
-    turn = rotations.rates_to_angular(q[3:])
-    E[:3, :3], E[3:, 3:] = R.T, turn
-    w = turn @ v[3:]
-    exact = _rate(q[3:], v[3:])
-    return np.array([*q[:3], *quaternion]), E, np.array([*(-np.cross(w, R.T @ v[:3])), *(exact @ v[3:])])
-
-
-def _rate(angles: np.ndarray, rates: np.ndarray) -> np.ndarray:
-    _, b, c = angles
-    _, bd, cd = rates
-    cb, sb, cc, sc = np.cos(b), np.sin(b), np.cos(c), np.sin(c)
-    return np.array(
-        [[-sb * cc * bd - cb * sc * cd, cc * cd, 0], [sb * sc * bd - cb * cc * cd, -sc * cd, 0], [cb * bd, 0, 0]]
-    )
-
-
-def _about(axis: int, angle: float) -> np.ndarray:
-    return pin.exp3(angle * np.eye(3)[axis])
+    """Return configuration, E and dE/dt v of a free flyer, whose linear velocity is in the axes of the body."""
+    quaternion = np.roll(q[3:], -1)
+    E = np.eye(6)
+    E[:3, :3] = pin.Quaternion(quaternion).toRotationMatrix().T
+    return np.array([*q[:3], *quaternion]), E, np.array([*(-np.cross(v[3:], E[:3, :3] @ v[:3])), 0.0, 0.0, 0.0])
 
 
 def _ratio(error: np.ndarray, size: np.ndarray) -> float:

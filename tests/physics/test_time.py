@@ -22,6 +22,7 @@ from leastaction import (
     tx,
     tz,
 )
+from leastaction.control import simulate_many
 from leastaction.elements import ExpressionConstraint, ExpressionForce, ExpressionPotential
 from leastaction.errors import DescriptionError
 from leastaction.expressions import distance, input_, parameter, point, rate, speed, time, variable
@@ -167,6 +168,15 @@ def test_a_closed_form_and_the_order() -> None:
         for n in (200, 400)
     ]
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.02)
+
+
+def test_many_at_once_know_the_time() -> None:
+    m, _ = pair()
+    vi = MidpointVI(m)
+    begins = [vi.start(start_of(m) + 0.01 * i, t=0.3) for i in range(9)]
+    alone = vi.simulate(begins[4], T, inputs=[1.0])
+    many = simulate_many(vi, np.array([begin.x for begin in begins]), T, [1.0])
+    assert many.x[4] == pytest.approx(alone.x, abs=1e-10)
 
 
 def test_it_is_kept_in_files_and_printed(tmp_path) -> None:

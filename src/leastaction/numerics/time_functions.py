@@ -23,25 +23,26 @@ TimeFunctionLike = ArrayLike | PiecewisePolynomial | Callable[[float], ArrayLike
 class TimeFunction:
     """An array that may change with time.
 
-    ``value``: what was given. ``name``: the argument's, for messages. Raises `ArgumentError`: a constant that is not an
-    array of finite numbers.
+    ``value``: what was given. ``name``: the argument's, for messages. ``row``: whether a number stands for a row of
+    one, as of a single input. Raises `ArgumentError`: a constant that is not an array of finite numbers.
     """
 
     __getstate__, __setstate__ = saved_state, restore_state
 
-    def __init__(self, value: TimeFunctionLike, name: str) -> None:
-        self.name = name
+    def __init__(self, value: TimeFunctionLike, name: str, *, row: bool = False) -> None:
+        self.name, self._row = name, row
         self.jumps: tuple[float, ...] = ()
         self._constant: Array | None = None
         self._curve: PiecewisePolynomial | None = None
         self._function: Callable[[float], ArrayLike] | None = None
         if isinstance(value, PiecewisePolynomial):
-            self._curve = value
+            self._curve = value if value.shape or not row else value.part([0], (1,))
             self.jumps = value.jumps()
         elif callable(value):
             self._function = value
         else:
-            self._constant = read_only(as_array(value, name).copy())
+            constant = as_array(value, name)
+            self._constant = read_only((np.atleast_1d(constant) if row else constant).copy())
 
     @property
     def is_constant(self) -> bool:
@@ -55,7 +56,8 @@ class TimeFunction:
         if self._curve is not None:
             return self._curve.flat(t).reshape(self._curve.shape)
         assert self._function is not None
-        return np.asarray(self._function(t), dtype=np.float64)
+        found = np.asarray(self._function(t), dtype=np.float64)
+        return np.atleast_1d(found) if self._row else found
 
     def samples(self, t: Array) -> Array:
         """Return the values at times (n,): (n, ...)."""

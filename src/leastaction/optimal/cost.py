@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import NOT_YET, ArgumentError
-from leastaction.numerics.arrays import Array, as_array, read_only
+from leastaction.numerics.arrays import Array, as_array, read_only, shape_of
 from leastaction.optimal.space import StateSpace
 from leastaction.optimal.system import System
 
@@ -21,6 +21,11 @@ def owned(value: ArrayLike, what: str) -> Array:
     return read_only(as_array(value, what).copy())
 
 
+def owned_row(value: ArrayLike, what: str) -> Array:
+    """Return the same, where a number stands for a row of one, as of a single input."""
+    return read_only(np.atleast_1d(as_array(value, what)).copy())
+
+
 def is_diagonal(weight: Array) -> bool:
     """Whether a weight is a diagonal: (n,), or (N, n, 1) with one for each stage."""
     return weight.ndim == 1 or (weight.ndim == 3 and weight.shape[2] == 1)
@@ -31,14 +36,14 @@ def as_weight(value: ArrayLike, what: str, n: int, *, stages: int | None = None,
 
     ``value``: a diagonal (n,) or a matrix (n, n); with `stages` also a diagonal (N, n) or (N, n, 1) or a matrix (N, n,
     n) for each stage. An array (n, n) is a matrix, whatever N is. ``what``: its name, for messages. ``n``, ``stages``:
-    sizes. ``definite``: whether it must be positive definite, not only semidefinite. Returns (n,), (n, n), (N, n, 1) or
-    (N, n, n). Raises `ArgumentError`: a wrong shape, values that are not finite, a matrix that is not symmetric, or not
-    definite.
+    sizes; of one entry a number will do. ``definite``: whether it must be positive definite, not only semidefinite.
+    Returns (n,), (n, n), (N, n, 1) or (N, n, n). Raises `ArgumentError`: a wrong shape, values that are not finite, a
+    matrix that is not symmetric, or not definite.
     """
     shapes: list[tuple[int, ...]] = [(n,), (n, n)]
     if stages is not None:
         shapes += [(stages, n), (stages, n, 1), (stages, n, n)]
-    weight = as_array(value, what, *shapes)
+    weight = as_array([value] if n == 1 and shape_of(value) == () else value, what, *shapes)
     if weight.ndim == 2 and weight.shape != (n, n):
         weight = weight[:, :, None]
     weight = weight.copy()

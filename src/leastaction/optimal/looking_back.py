@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -16,15 +17,31 @@ Need = tuple[str, int]
 """What is remembered of the step before: ("input", i) what was applied, ("state", i) where it began."""
 
 
-class LookingBack(Quantity):
-    """Linear functions of a step that need some of the one before; the first step has none.
+BEFORE = " a step before"
+"""What stands behind the name of what is remembered."""
 
-    ``memory``: where what is needed is remembered, in places from the end of a state; None of a system that does not,
-    until `optimize` makes one that does.
+
+@dataclass(frozen=True)
+class Recalled:
+    """Where what is needed is remembered, in ``places`` from the end of a state.
+
+    ``returning``: what the first step of a periodic motion has from the last.
     """
 
-    first = 1
-    memory: Mapping[Need, int] | None = None
+    places: Mapping[Need, int]
+    returning: frozenset[Need] = frozenset()
+
+
+class LookingBack(Quantity):
+    """Linear functions of a step that need some of the one before.
+
+    The first step has none, but where all that is needed returns: in a motion that goes on for ever the last step is
+    before it. ``memory``: None of a system that does not remember, until `optimize` makes one that does.
+    """
+
+    def __init__(self, memory: Recalled | None) -> None:
+        self.memory = memory
+        self.first = 0 if memory is not None and memory.returning.issuperset(self.needs) else 1
 
     @property
     @abstractmethod
@@ -32,7 +49,7 @@ class LookingBack(Quantity):
         """What has to be remembered, one for each function."""
 
     @abstractmethod
-    def remembering(self, memory: Mapping[Need, int]) -> Self:
+    def remembering(self, memory: Recalled) -> Self:
         """Return the same where that is remembered, as far as it is."""
 
     def remembered(self) -> Instants:
@@ -48,7 +65,7 @@ class LookingBack(Quantity):
                 f"{self.kind} {self.names[0]!r}: it depends on the step before, which is no part of the state: only "
                 "`optimize` limits it"
             )
-        return np.array([self.memory[need] for need in self.needs], dtype=np.intp)
+        return np.array([self.memory.places[need] for need in self.needs], dtype=np.intp)
 
 
 class InputRates(LookingBack):
@@ -60,16 +77,17 @@ class InputRates(LookingBack):
     kind = "rate of"
 
     def __init__(
-        self, names: Sequence[str], places: Sequence[int], times: Array, memory: Mapping[Need, int] | None = None
+        self, names: Sequence[str], places: Sequence[int], times: Array, memory: Recalled | None = None
     ) -> None:
-        self.names, self.places, self.memory = tuple(names), np.array(places, dtype=np.intp), memory
+        self.names, self.places = tuple(names), np.array(places, dtype=np.intp)
         self.times = read_only(times.copy())
+        super().__init__(memory)
 
     @property
     def needs(self) -> tuple[Need, ...]:
         return tuple(("input", int(i)) for i in self.places)
 
-    def remembering(self, memory: Mapping[Need, int]) -> InputRates:
+    def remembering(self, memory: Recalled) -> InputRates:
         return InputRates(self.names, self.places.tolist(), self.times, memory)
 
     def select(self, rows: Sequence[int]) -> InputRates:
@@ -93,7 +111,8 @@ class InputRates(LookingBack):
         return isinstance(other, InputRates) and np.array_equal(self.times, other.times)
 
     def _lasts(self, at: Samples) -> Array:
-        return np.asarray(0.5 * (self.times[at.k + 1] - self.times[at.k - 1])[:, None])
+        dt = np.diff(self.times)
+        return np.asarray(0.5 * (dt[at.k] + dt[at.k - 1])[:, None])  # before the first is the last
 
 
 class OwnQuantity(QuantityElsewhere):

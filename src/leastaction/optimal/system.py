@@ -270,6 +270,10 @@ class System(ABC):
         """Return the places of entries with these names that are the same again in a periodic motion."""
         return self.free_entries(names, what)
 
+    def returning_name(self, place: int) -> str:
+        """Return the name of one of them."""
+        return self.quantity("state").names[place]
+
     def idle_directions(self, x: Array) -> Array:  # noqa: ARG002 - overridden
         """Return the directions (ndx, n) of an initial state on which no motion depends."""
         return np.zeros((self.ndx, 0))

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from leastaction.systems.keep import Keep
     from leastaction.systems.midpoint import MidpointSystem
     from leastaction.systems.oriented import Oriented
+    from leastaction.systems.path_bound import PathBound
     from leastaction.systems.pointing import Pointing
     from leastaction.systems.pulled import PulledSystem
     from leastaction.systems.regions import Ball, Box, HalfSpace, Region
@@ -42,6 +43,7 @@ else:
             "leastaction.systems.keep": "Keep",
             "leastaction.systems.midpoint": "MidpointSystem",
             "leastaction.systems.oriented": "Oriented",
+            "leastaction.systems.path_bound": "PathBound",
             "leastaction.systems.pointing": "Pointing",
             "leastaction.systems.pulled": "PulledSystem",
             "leastaction.systems.regions": "Ball Box HalfSpace Region",
@@ -54,6 +56,7 @@ else:
 
 __all__ = [
     "Ball", "Box", "CostOfAccelerations", "CostOfConfigurations", "Followed", "HalfSpace", "Keep", "MechanismSystem",
-    "MidpointSystem", "OrientationCost", "Oriented", "PlaceCost", "Played", "Pointing", "PulledSystem", "Region", "Rig",
-    "SmoothCost", "by_tensions", "check_derivatives", "embed", "follow", "play", "relax", "tracking", "warm_start",
+    "MidpointSystem", "OrientationCost", "Oriented", "PathBound", "PlaceCost", "Played", "Pointing", "PulledSystem",
+    "Region", "Rig", "SmoothCost", "by_tensions", "check_derivatives", "embed", "follow", "play", "relax", "tracking",
+    "warm_start",
 ]  # fmt: skip

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.skipif(not FILE, reason="LEASTACTION_CASSIE names no fi
 @pytest.fixture(scope="module")
 def model() -> la.Model:
     pytest.importorskip("mujoco")
-    return la.load(FILE, fixed=cassie.PELVIS)
+    return la.load(FILE, fixed=cassie.PELVIS, axes="xyz")
 
 
 @pytest.mark.parametrize("seed", range(10))

@@ -12,6 +12,8 @@ pytest.importorskip("mujoco")
 import leastaction
 from leastaction.errors import ArgumentError, ModelFileError
 from leastaction.io.mechanisms import Model
+from leastaction.mechanics import MidpointVI
+from leastaction.systems import MidpointSystem, Oriented
 from oracles import mujoco_models
 
 CUBE = (
@@ -70,6 +72,15 @@ CASES = {
     "a free joint": (
         f'<worldbody><body pos="0 0 1" euler="0 30 0"><freejoint/>{INERTIAL}<body pos="0 1 0"><joint axis="1 0 0"/>'
         f"{INERTIAL}</body></body></worldbody>"
+    ),
+    "what ball joints have": (
+        '<worldbody><body pos="0 0 1" euler="20 30 0"><joint type="ball" pos=".1 0 .2" damping=".3" stiffness="2" '
+        f'armature=".05" frictionloss=".1" range="0 60"/>{INERTIAL}<body pos="0 1 0" euler="0 0 40">'
+        f'<joint type="ball" damping=".2" stiffness="1.5"/>{INERTIAL}</body></body></worldbody>'
+    ),
+    "what a free joint has": (
+        f'<worldbody><body pos="0 0 1" euler="0 30 0"><joint type="free" damping=".3" armature=".2"/>{INERTIAL}'
+        f'<body pos="0 1 0"><joint axis="1 0 0"/>{INERTIAL}</body></body></worldbody>'
     ),
     "a turned inertial": body('<inertial pos="0 .1 .2" euler="10 20 30" mass="2" diaginertia=".1 .2 .25"/>'),
     "a full inertia": body('<inertial pos="0 .1 .2" mass="2" fullinertia=".1 .2 .25 .01 -.02 .03"/>'),
@@ -216,7 +227,7 @@ def test_keyframes_are_by_variable(tmp_path: Path) -> None:
     d = mujoco.MjData(m)
     mujoco.mj_resetDataKeyframe(m, d, 0)
     mujoco.mj_forward(m, d)
-    q, v = model.mechanism.configuration(key.q), model.mechanism.configuration(key.v)
+    q, v = model.mechanism.configuration(key.q), model.mechanism.velocity(key.v)
     np.testing.assert_allclose(model.mechanism.frame_pose(q, "tip")[:3, 3], d.site("tip").xpos, atol=1e-12)
     twist = np.zeros(6)
     mujoco.mj_objectVelocity(m, d, mujoco.mjtObj.mjOBJ_SITE, 0, twist, 0)
@@ -224,6 +235,41 @@ def test_keyframes_are_by_variable(tmp_path: Path) -> None:
     assert key.inputs == {"m": 5.0}
     assert set(model.keyframes) == {"home", "key1"}
     assert model.reference["root.z"] == 1.0
+    assert [key.q[f"root.q{letter}"] for letter in "wxyz"] == pytest.approx(
+        np.array([0.5, 0.5, -0.1, 0.4]) / np.sqrt(0.67)
+    )
+    # By angles it is the same place and velocity.
+    angles = loaded(tmp_path, text, axes="xyz")
+    other, w = angles.keyframes["home"], angles.mechanism
+    assert w.variables[3:6] == ("root.rx", "root.ry", "root.rz")
+    q, v = w.configuration(other.q), w.velocity(other.v)
+    np.testing.assert_allclose(w.frame_pose(q, "tip")[:3, 3], d.site("tip").xpos, atol=1e-12)
+    np.testing.assert_allclose(w.frame_velocity(q, v, "tip")[:3], twist[3:], atol=1e-12)
+
+
+def test_what_ball_and_free_joints_have(tmp_path: Path) -> None:
+    model = loaded(tmp_path, CASES["what ball joints have"])
+    assert model.left_out == ()
+    first = model.mechanism.tree.rotations[0].name
+    assert {f"spring.{first}.w{x}" for x in "xyz"} | {f"friction.{first}.w{x}" for x in "xyz"} <= set(
+        model.mechanism.elements
+    )
+    (cone,) = model.limits
+    assert isinstance(cone, Oriented)
+    assert cone.within == pytest.approx(np.radians(60.0))
+    system = MidpointSystem(MidpointVI(model.mechanism), np.linspace(0.0, 0.1, 3))
+    (rows,) = cone.rows(system, 0)
+    x = np.tile(system.integrator.start(model.mechanism.configuration(model.reference)).x, (3, 1))
+    at = model.mechanism.coordinates.index(f"{first}.qw")
+    x[1, at : at + 4] = np.cos(np.radians(30.0)), 0.0, np.sin(np.radians(30.0)), 0.0  # on the cone
+    assert rows.values(x, np.zeros((2, system.nu)))[1] == pytest.approx(0.0, abs=1e-12)
+    # Of angles only hinges and slides have all that.
+    said = {each.name for each in loaded(tmp_path, CASES["what ball joints have"], axes="xyz").left_out}
+    assert len(said) == 7
+    said = {each.name for each in loaded(tmp_path, CASES["what a free joint has"]).left_out}
+    assert said == set()
+    with pytest.raises(ArgumentError, match="axes: got 'zxz', expected"):
+        loaded(tmp_path, CASES["a ball joint"], axes="zxz")
 
 
 def test_fixed_joints_stand_at_their_reference(tmp_path: Path) -> None:
@@ -247,14 +293,16 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
         '<option density="1.2"/><asset><mesh name="m" file="missing.stl"/></asset><worldbody><light/>'
         '<camera name="eye"/>'
         '<geom type="plane" size="1 1 1"/>{}</worldbody>'
-    ).format(f'<body name="b"><joint name="j" type="ball" damping="1"/>{INERTIAL}<geom type="mesh" mesh="m"/></body>')
+    ).format(
+        f'<body name="b"><joint name="j" type="ball" springdamper="1 1"/>{INERTIAL}<geom type="mesh" mesh="m"/></body>'
+    )
     model = loaded(tmp_path, text)
     said = {each.name for each in model.left_out}
     for name in (
         "1 camera",
         "1 light",
         "mesh 'missing.stl'",
-        "damping of the joint 'j'",
+        "springdamper of the joint 'j'",
         "the medium (density, viscosity)",
     ):
         assert name in said, said

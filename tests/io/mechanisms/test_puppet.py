@@ -32,7 +32,7 @@ def on_strings() -> tuple[la.Mechanism, np.ndarray]:
     for side in ("left", "right"):
         bodies |= {f"{side}_humerus": rod(0.15, 0.2), f"{side}_radius": rod(0.12, 0.2)}
         bodies |= {f"{side}_femur": rod(0.3, 0.35), f"{side}_tibia": rod(0.25, 0.3)}
-    m = la.load(FILE, floating=True, bodies=bodies).mechanism
+    m = la.load(FILE, floating=True, bodies=bodies, axes="xyz").mechanism
     bent = {f"{side}_{joint}": angle for side in ("left", "right") for joint, angle in BENT.items()}
     places = dict(zip(HOOKS, m.positions(m.configuration(bent), HOOKS), strict=True))
     ends = [[la.tx(x), [la.ty(y, name=f"above {hook}")]] for hook, (x, y, _) in places.items()]

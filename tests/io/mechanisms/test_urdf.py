@@ -125,7 +125,7 @@ def test_mimics_that_cannot_be(tmp_path: Path) -> None:
 def test_a_free_base(tmp_path: Path) -> None:
     text = link("base") + link("arm") + joint("j", "base", "arm")
     model = loaded(tmp_path, text, floating=True)
-    assert model.mechanism.variables == ("base.x", "base.y", "base.z", "base.rx", "base.ry", "base.rz", "j")
+    assert model.mechanism.variables == ("base.x", "base.y", "base.z", "base.wx", "base.wy", "base.wz", "j")
     two = link("base") + link("other")
     with pytest.raises(ArgumentError, match="2 links stand on the world"):
         loaded(tmp_path, two, floating=True)
@@ -135,7 +135,7 @@ def test_planar_and_floating_joints(tmp_path: Path) -> None:
     text = link("base") + link("sled") + link("bird")
     text += joint("p", "base", "sled", "planar") + joint("f", "base", "bird", "floating")
     mechanism = loaded(tmp_path, text).mechanism
-    assert mechanism.variables == ("p.x", "p.y", "p.rz", "f.x", "f.y", "f.z", "f.rx", "f.ry", "f.rz")
+    assert mechanism.variables == ("p.x", "p.y", "p.rz", "f.x", "f.y", "f.z", "f.wx", "f.wy", "f.wz")
     q = mechanism.configuration({"p.x": 1.0, "p.y": 2.0, "p.rz": 0.7})
     moved = np.linalg.inv(mechanism.frame_pose(mechanism.configuration(), "sled")) @ mechanism.frame_pose(q, "sled")
     assert moved[1, 3] == pytest.approx(0.0, abs=1e-15)  # along the normal

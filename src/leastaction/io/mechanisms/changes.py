@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from leastaction.errors import ArgumentError, unknown
-from leastaction.io.mechanisms.parts import JointPart, MassPart, Mimic, Robot
+from leastaction.io.mechanisms.parts import Axes, JointPart, MassPart, Mimic, Robot
 from leastaction.mechanics import Body
 from leastaction.numerics.arrays import require_instance, require_mapping
 
@@ -34,6 +34,12 @@ def with_free_base(robot: Robot) -> Robot:
     links = list(robot.links)
     root = links[roots[0]]
     links[roots[0]] = replace(root, joints=(JointPart(name=root.name, kind="free"),))
+    return replace(robot, links=tuple(links))
+
+
+def with_axes(robot: Robot, axes: Axes) -> Robot:
+    """Return the robot with ball and free joints that turn by a quaternion, or by angles."""
+    links = (replace(link, joints=tuple(replace(joint, axes=axes) for joint in link.joints)) for link in robot.links)
     return replace(robot, links=tuple(links))
 
 

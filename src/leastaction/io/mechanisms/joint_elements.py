@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from leastaction.errors import ArgumentError, unknown
-from leastaction.io.mechanisms import rotations
+from leastaction.io.mechanisms import rotation_elements, rotations
 from leastaction.io.mechanisms.model import LeftOut
 from leastaction.io.mechanisms.names import Names
-from leastaction.io.mechanisms.parts import JointPart
+from leastaction.io.mechanisms.parts import JointPart, Robot
 from leastaction.mechanics import (
     Armature,
     CoulombFriction,
@@ -27,14 +27,17 @@ FRICTION_SPEED = 0.01
 """Speed (rad/s or m/s) over which the dry friction of a joint turns round; files give none."""
 
 
-def elements_of_joints(names: Names) -> tuple[list[Element], list[LeftOut]]:
+def elements_of_joints(robot: Robot, names: Names) -> tuple[list[Element], list[LeftOut]]:
     """Return the elements of all joints and what is left out of them."""
     elements: list[Element] = []
     left_out: list[LeftOut] = []
     damping: dict[str, float] = {}
     for name, joint in names.joints.items():
         if joint.kind in ("ball", "free"):
-            left_out += rotations.left_out_of(joint)
+            found, lost = rotation_elements.elements_of(robot, joint, FRICTION_SPEED)
+            elements, left_out = elements + found, left_out + lost
+            if joint.axes == "quaternion" and joint.damping and joint.damping[0] > 0.0:
+                damping.update(dict.fromkeys(rotations.variables_of(joint), joint.damping[0]))
             continue
         value = names.values[name]
         if not value.terms:
@@ -70,7 +73,8 @@ def settling(names: Names, mechanism: Mechanism, reference: Mapping[str, float])
     if not any(joint.settles for joint in names.joints.values()):
         return []
     mass_matrix = mechanism.mass_matrix(mechanism.configuration(reference))
-    inertias = mechanism.named(1.0 / np.diag(np.linalg.inv(mass_matrix)))  # of each where the others give way
+    each = 1.0 / np.diag(np.linalg.inv(mass_matrix))  # where the others give way
+    inertias = dict(zip(mechanism.variables, map(float, each), strict=True))
     for name, joint in names.joints.items():
         if joint.settles is not None and joint.kind in ("hinge", "slide") and names.is_own(name):
             time, ratio = joint.settles

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from leastaction.io.mechanisms.names import Names
 from leastaction.io.mechanisms.parts import JointPart
-from leastaction.mechanics import JointForce
+from leastaction.mechanics import JointForce, Mechanism
 from leastaction.optimal import Bound
+from leastaction.systems import Oriented
 
 
 def limits_of_joints(names: Names) -> list[Bound]:
@@ -24,6 +27,18 @@ def limits_of_joints(names: Names) -> list[Bound]:
         if joint.speed is not None:
             speeds.append(Bound(on, -joint.speed, joint.speed, of="rate"))
     return places + speeds
+
+
+def limits_of_rotations(names: Names, mechanism: Mechanism) -> list[Oriented]:
+    """Return the cones of ball joints: the largest angle between the frames before and behind them."""
+    frames, found = mechanism.tree.frames, []
+    for group, indices in mechanism.tree.compositions:
+        joint = names.joints.get(group.name)
+        angle = None if joint is None or joint.kind != "ball" or joint.axes != "quaternion" else joint.range[1]
+        if angle is not None and 0.0 < angle < np.pi:
+            before = frames[frames[indices[0]].parent].name
+            found.append(Oriented(frames[indices[-1]].name, np.eye(3), within=angle, origin=before))
+    return found
 
 
 def limits_of_motors(motors: Mapping[str, JointForce], joints: Mapping[str, JointPart]) -> list[Bound]:

@@ -5,19 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from leastaction.errors import ArgumentError, DescriptionError, ModelFileError, some
 from leastaction.io.mechanisms import rotations
-from leastaction.io.mechanisms.changes import with_bodies, with_fixed, with_free_base
+from leastaction.io.mechanisms.changes import with_axes, with_bodies, with_fixed, with_free_base
 from leastaction.io.mechanisms.joint_elements import elements_of_joints, settling
 from leastaction.io.mechanisms.joint_elements import motors as motors_of
 from leastaction.io.mechanisms.kinds import OWN, is_mjcf, parse, read_text, require_urdf
-from leastaction.io.mechanisms.limits import limits_of_joints, limits_of_motors
+from leastaction.io.mechanisms.limits import limits_of_joints, limits_of_motors, limits_of_rotations
 from leastaction.io.mechanisms.masses import checked
 from leastaction.io.mechanisms.model import Keyframe, Model
 from leastaction.io.mechanisms.names import Names, settle
-from leastaction.io.mechanisms.parts import Robot
+from leastaction.io.mechanisms.parts import Axes, Robot
+from leastaction.io.mechanisms.rotation_elements import with_rotors
 from leastaction.io.mechanisms.tree import tree_of
 from leastaction.io.mechanisms.urdf import read_urdf
 from leastaction.mechanics import Armature, Body, Gravity, JointForce, Mechanism
@@ -25,6 +26,7 @@ from leastaction.mechanics.elements import Element
 from leastaction.numerics.arrays import as_choice, as_flag
 from leastaction.numerics.public import public
 from leastaction.optimal import Bound
+from leastaction.systems import PathBound
 
 
 @public
@@ -37,13 +39,15 @@ def load(
     motors: bool | Sequence[str] | None = None,
     bodies: Mapping[str, Body] | None = None,
     inertia: Literal["strict", "repair"] = "strict",
+    axes: Axes = "quaternion",
     strict: bool = False,
 ) -> Model:
     """Return the mechanism of a URDF or an MJCF, with its limits, keyframes and shapes.
 
     Joints keep their names as variables, links and sites theirs as frames. A joint that follows another by a URDF's
-    ``mimic`` moves with the other's variable, without a constraint. Ball and free joints have the variables ``name.rx``
-    ..., as `ball` and `free`. Nothing is compiled by other programs; an MJCF needs the extra ``models``.
+    ``mimic`` moves with the other's variable, without a constraint. Ball and free joints have a unit quaternion
+    ``name.qw`` ..., scalar first, and the angular velocity ``name.wx`` ..., as `ball` and `free`. Nothing is compiled
+    by other programs; an MJCF needs the extra ``models``.
 
     Parameters
     ----------
@@ -64,6 +68,8 @@ def load(
     inertia : "strict" or "repair", optional
         Whether negative masses and inertias and joints that move no mass are errors, or are mended: by the nearest
         inertia that a body can have, and a small mass. ``left_out`` says what was changed.
+    axes : "quaternion" or "xyz", optional
+        How ball and free joints turn: by unit quaternions, or by three angles ``name.rx``, ``name.ry``, ``name.rz``.
     strict : bool, optional
         Whether anything left out is an error.
 
@@ -85,10 +91,17 @@ def load(
     """
     file = Path(fspath(path))
     as_choice(inertia, "inertia", ("strict", "repair"))
+    as_choice(axes, "axes", get_args(Axes))
     free, all_or_nothing = as_flag(floating, "floating"), as_flag(strict, "strict")
     text = read_text(file)
     if file.suffix.lower() in OWN:
-        given = {"floating": free, "fixed": fixed, "motors": motors is not None, "bodies": bodies is not None}
+        given = {
+            "axes": axes != "quaternion",
+            "floating": free,
+            "fixed": fixed,
+            "motors": motors is not None,
+            "bodies": bodies is not None,
+        }
         if asked := [name for name, value in given.items() if value]:
             raise ArgumentError(
                 f"load: got {', '.join(asked)} for {file.name}, a file of ours, which says all of that itself; leave "
@@ -109,6 +122,7 @@ def load(
             robot = with_bodies(robot, bodies)
         if free:
             robot = with_free_base(robot)
+        robot = with_axes(robot, axes)
         model = _model(with_fixed(robot, fixed), robot, spec, motors, inertia == "repair")
     except ModelFileError as error:
         raise ModelFileError(f"{file}: {error}", line=error.line) from None
@@ -126,11 +140,11 @@ def _own(file: Path) -> Model:
 
 
 def _model(robot: Robot, file: Robot, spec: Any, which: bool | Sequence[str] | None, repair: bool) -> Model:
-    robot, changed = checked(robot, repair)
+    robot, changed = checked(with_rotors(robot), repair)
     names = settle(robot, file)
-    elements, left_out = elements_of_joints(names)
+    elements, left_out = elements_of_joints(robot, names)
     driven: dict[str, JointForce] = {}
-    limits: list[Bound] = []
+    limits: list[Bound | PathBound] = []
     keyframes: dict[str, Keyframe] = {}
     if spec is None or which is not None:
         driven = motors_of(names, which)
@@ -157,7 +171,7 @@ def _model(robot: Robot, file: Robot, spec: Any, which: bool | Sequence[str] | N
     return Model(
         mechanism=mechanism,
         name=robot.name,
-        limits=tuple(limits + limits_of_joints(names)),
+        limits=(*limits, *limits_of_joints(names), *limits_of_rotations(names, mechanism)),
         keyframes=keyframes,
         reference=reference,
         shapes=robot.shapes,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from leastaction.mechanics import Mechanism
 from leastaction.mechanics.description.shapes import Shape
 from leastaction.numerics.public import public
-from leastaction.optimal import Bound
+from leastaction.optimal import Limit
 
 
 @public
@@ -39,7 +39,8 @@ class Keyframe:
     Attributes
     ----------
     q, v : mapping of str to float
-        Value and rate of each variable (m or rad, m/s or rad/s): ``mechanism.configuration(keyframe.q)``.
+        Value of each coordinate, and rate of each variable (m or rad, m/s or rad/s):
+        ``mechanism.configuration(keyframe.q)``, ``mechanism.velocity(keyframe.v)``.
     inputs : mapping of str to float
         The inputs that belong to it, where the file gives them.
     """
@@ -60,12 +61,13 @@ class Model:
         The mechanism.
     name : str
         What the file calls it.
-    limits : tuple of Bound
-        Limits of inputs, variables and rates, ready for `optimize`.
+    limits : tuple of Limit
+        `Bound` of inputs, variables and rates, `PathBound` of lengths of tendons, and `Oriented` of the angles of ball
+        joints, ready for `optimize`.
     keyframes : mapping of str to Keyframe
         Configurations by name.
     reference : mapping of str to float
-        The configuration in which the file draws it, by variable (m or rad).
+        The configuration in which the file draws it, by coordinate (m or rad).
     shapes : tuple of Shape
         What its frames look like.
     left_out : tuple of LeftOut
@@ -74,7 +76,7 @@ class Model:
 
     mechanism: Mechanism
     name: str = ""
-    limits: tuple[Bound, ...] = ()
+    limits: tuple[Limit, ...] = ()
     keyframes: Mapping[str, Keyframe] = field(default_factory=dict)
     reference: Mapping[str, float] = field(default_factory=dict)
     shapes: tuple[Shape, ...] = ()

@@ -14,6 +14,9 @@ from leastaction.io.mechanisms.model import LeftOut
 from leastaction.mechanics.description.shapes import Shape
 from leastaction.numerics.arrays import Array
 
+Axes = Literal["quaternion", "xyz"]
+"""How a ball or a free joint turns."""
+
 Range = tuple[float | None, float | None]
 """The least and the largest value; None where there is no bound."""
 
@@ -34,7 +37,8 @@ class JointPart:
     ``axis``, ``point``: of a hinge or a slide. ``reference``: its value where the link is as the file draws it.
     ``range``: of its value. ``effort``: of the forces of all actuators on it. ``damping``, ``stiffness``: coefficients
     of rising powers. ``rest``: value at which the spring is slack. ``friction``: dry friction (N or N m).
-    ``settles``: time constant (s) and damping ratio that its spring and damper are to have at its reference.
+    ``settles``: time constant (s) and damping ratio that its spring and damper are to have at its reference. ``axes``:
+    of a ball or a free joint, a unit quaternion or angles about x, then y, then z.
     """
 
     name: str
@@ -52,6 +56,7 @@ class JointPart:
     friction: float = 0.0
     settles: tuple[float, float] | None = None
     mimic: Mimic | None = None
+    axes: Axes = "quaternion"
 
 
 @dataclass(frozen=True)

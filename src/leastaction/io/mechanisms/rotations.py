@@ -1,28 +1,37 @@
-"""Ball and free joints: the one place that knows how their rotations are written as variables.
+"""Ball and free joints: the one place that knows how their rotations are written.
 
-They have three angles, about x, then y, then z. Files write them as unit quaternions (w, x, y, z), and their velocity
-as angular velocity in the axes of the link.
+They have a unit quaternion (w, x, y, z) from the frame before the joint, and as velocity the angular velocity in the
+axes of the link, which is how files write them too; or, where that is asked for, three angles about x, then y, then z.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from leastaction.io.mechanisms.model import LeftOut
 from leastaction.io.mechanisms.parts import JointPart
 from leastaction.io.mechanisms.poses import rotation_of
 from leastaction.mechanics import ball, free
 from leastaction.mechanics.description.branch import Branch
 from leastaction.mechanics.description.frames import FrameOptions
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.rotations import of_matrix
 
 _SLIDES = (".x", ".y", ".z")
-_TURNS = (".rx", ".ry", ".rz")
+_ANGLES, _RATES, _QUATERNION = (".rx", ".ry", ".rz"), (".wx", ".wy", ".wz"), (".qw", ".qx", ".qy", ".qz")
 
 
 def variables_of(joint: JointPart) -> tuple[str, ...]:
     """Return the variables of a ball or a free joint, in the order of the file's velocities."""
-    endings = _SLIDES + _TURNS if joint.kind == "free" else _TURNS
+    return _named(joint, _RATES if joint.axes == "quaternion" else _ANGLES)
+
+
+def coordinates_of(joint: JointPart) -> tuple[str, ...]:
+    """Return the names of what a configuration holds of a ball or a free joint, in the order of the file."""
+    return _named(joint, _QUATERNION if joint.axes == "quaternion" else _ANGLES)
+
+
+def _named(joint: JointPart, turns: tuple[str, ...]) -> tuple[str, ...]:
+    endings = _SLIDES + turns if joint.kind == "free" else turns
     return tuple(joint.name + ending for ending in endings)
 
 
@@ -33,7 +42,7 @@ def put(place: Branch, joint: JointPart, options: FrameOptions) -> Branch:
     inner = FrameOptions(name=f"{joint.name}.pivot") if shifted else options
     if shifted:
         place = place.pose(translation=joint.point)
-    place = place.put(make(joint.name, **inner))
+    place = place.put(make(joint.name, axes=joint.axes, **inner))
     return place.pose(translation=-joint.point, **options) if shifted else place
 
 
@@ -43,23 +52,27 @@ def size_in_file(joint: JointPart) -> int:
 
 
 def configuration_of(joint: JointPart, numbers: Array) -> dict[str, float]:
-    """Return the variables of a ball or a free joint from place (m) and quaternion as the file writes them."""
-    values = [*numbers[:-4], *angles_of(rotation_of(numbers[-4:]))]
-    return dict(zip(variables_of(joint), map(float, values), strict=True))
+    """Return the coordinates of a ball or a free joint from place (m) and quaternion as the file writes them."""
+    return _at(joint, numbers[:-4], rotation_of(numbers[-4:]))
 
 
 def velocity_of(joint: JointPart, q: dict[str, float], numbers: Array) -> dict[str, float]:
-    """Return the rates of the variables from the velocity of the place and the angular velocity in the link."""
-    names = variables_of(joint)
-    E = rates_to_angular(np.array([q[name] for name in names[-3:]]))
-    turns = np.linalg.lstsq(E, numbers[-3:], rcond=None)[0]
+    """Return the velocities of the variables from that of the place and the angular velocity in the link."""
+    names, turns = variables_of(joint), np.array(numbers[-3:], dtype=np.float64)
+    if joint.axes != "quaternion":
+        E = rates_to_angular(np.array([q[name] for name in names[-3:]]))
+        turns = np.asarray(np.linalg.lstsq(E, turns, rcond=None)[0])
     return dict(zip(names, map(float, [*numbers[:-3], *turns]), strict=True))
 
 
 def reference_of(joint: JointPart, pose: Array) -> dict[str, float]:
-    """Return the variables where the link is as the file draws it; ``pose``: of the link, for a free joint."""
-    values = [*pose[:3, 3], *angles_of(pose[:3, :3])] if joint.kind == "free" else [0.0] * 3
-    return dict(zip(variables_of(joint), map(float, values), strict=True))
+    """Return the coordinates where the link is as the file draws it; ``pose``: of the link, for a free joint."""
+    return _at(joint, pose[:3, 3], pose[:3, :3]) if joint.kind == "free" else _at(joint, np.zeros(0), np.eye(3))
+
+
+def _at(joint: JointPart, place: Array, R: Array) -> dict[str, float]:
+    turns = of_matrix(R) if joint.axes == "quaternion" else angles_of(R)
+    return dict(zip(coordinates_of(joint), map(float, [*place, *turns]), strict=True))
 
 
 def angles_of(R: Array) -> Array:
@@ -80,17 +93,3 @@ def rates_to_angular(angles: Array) -> Array:
             [np.sin(b), 0.0, 1.0],
         ]
     )
-
-
-def left_out_of(joint: JointPart) -> list[LeftOut]:
-    """Return what a ball or free joint has in its file that angles cannot say."""
-    what = [
-        ("damping", any(joint.damping)),
-        ("stiffness", any(joint.stiffness)),
-        ("armature", joint.armature != 0.0),
-        ("frictionloss", joint.friction != 0.0),
-        ("springdamper", joint.settles is not None),
-        ("range", joint.range != (None, None)),
-    ]
-    why = f"a {joint.kind} joint has three angles, and this is not about any of them"
-    return [LeftOut(f"{name} of the joint {joint.name!r}", why) for name, there in what if there]

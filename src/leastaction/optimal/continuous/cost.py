@@ -14,7 +14,7 @@ from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.public import public
 from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
-from leastaction.optimal.cost import check_weight, deviations, matrix_of, owned, weigh
+from leastaction.optimal.cost import check_weight, deviations, matrix_of, owned_row, weigh
 from leastaction.optimal.space import StateSpace
 from leastaction.optimal.system import System, space_of
 
@@ -115,6 +115,7 @@ class ContinuousQuadraticCost(ContinuousCost):
     ----------
     x_wanted, u_wanted : array_like (nx,) and (nu,), or PiecewisePolynomial, or callable
         Wanted motion: a constant, a `PiecewisePolynomial` (such as one ``through`` samples), or a function of one time.
+        Of one state or one input a number will do, here and for weights.
     Q, R : the same, of shape (n,) or (n, n)
         Weights, a diagonal or a matrix. Q must be positive semidefinite, R positive definite.
     Q_final : array_like (nx,) or (nx, nx), optional
@@ -150,10 +151,13 @@ class ContinuousQuadraticCost(ContinuousCost):
         space: StateSpace | System | None = None,
     ) -> None:
         self.space = space_of(space)
-        self.x_wanted, self.u_wanted = (TimeFunction(x_wanted, "x_wanted"), TimeFunction(u_wanted, "u_wanted"))
-        self.Q, self.R = TimeFunction(Q, "Q"), TimeFunction(R, "R")
-        self.Q_final = None if Q_final is None else owned(Q_final, "Q_final")
-        self.x_final = None if x_final is None else owned(x_final, "x_final")
+        # A number is that of one state, or of one input.
+        self.x_wanted, self.u_wanted = (
+            TimeFunction(each, name, row=True) for each, name in ((x_wanted, "x_wanted"), (u_wanted, "u_wanted"))
+        )
+        self.Q, self.R = (TimeFunction(each, name, row=True) for each, name in ((Q, "Q"), (R, "R")))
+        self.Q_final = None if Q_final is None else owned_row(Q_final, "Q_final")
+        self.x_final = None if x_final is None else owned_row(x_final, "x_final")
         for weight, definite in ((self.Q, False), (self.R, True)):
             if weight.is_constant:
                 _check(weight.at(0.0), weight.name, definite=definite)

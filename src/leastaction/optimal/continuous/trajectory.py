@@ -101,7 +101,7 @@ class DenseTrajectory:
             Wrong shapes or values that are not finite.
         """
         t0, tf = horizon
-        states, inputs = TimeFunction(x, "x"), TimeFunction(u, "u")
+        states, inputs = TimeFunction(x, "x", row=True), TimeFunction(u, "u", row=True)
         states.check(t0, tf, (nx,), what="(nx,)")
         inputs.check(t0, tf, (nu,), what="(nu,)")
         jumps = sorted({*states.jumps, *inputs.jumps})

@@ -13,7 +13,7 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.public import public
-from leastaction.optimal.cost import Deviations, as_weight, clipped, deviations, final_of, matrix_of, owned, weigh
+from leastaction.optimal.cost import Deviations, as_weight, clipped, deviations, final_of, matrix_of, owned_row, weigh
 from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
 from leastaction.optimal.discrete.system import check_window
 from leastaction.optimal.space import StateSpace
@@ -152,7 +152,8 @@ class QuadraticCost(Cost):
     x_wanted : array_like (N+1, nx) or (nx,)
         Wanted states, or one for all instants. They need not be a trajectory of the system.
     u_wanted : array_like (N, nu) or (nu,)
-        Wanted inputs, or one for all steps. Where nothing is given by steps, the cost is for any number of them.
+        Wanted inputs, or one for all steps. Where nothing is given by steps, the cost is for any number of them. Of one
+        input, or one state, a number will do, here and for weights.
     Q, R : array_like
         Weights: a diagonal ``(n,)`` (fastest), a matrix ``(n, n)``, a diagonal per stage
         ``(N, n)`` or ``(N, n, 1)``, or a matrix per stage ``(N, n, n)``. An array ``(n, n)`` is one matrix,
@@ -187,7 +188,7 @@ class QuadraticCost(Cost):
         space: StateSpace | System | None = None,
     ) -> None:
         self.space = space_of(space)
-        self.x_wanted, self.u_wanted = owned(x_wanted, "x_wanted"), owned(u_wanted, "u_wanted")
+        self.x_wanted, self.u_wanted = owned_row(x_wanted, "x_wanted"), owned_row(u_wanted, "u_wanted")
         x_shape, u_shape = self.x_wanted.shape, self.u_wanted.shape
         counts = {
             *({x_shape[0] - 1} if len(x_shape) == 2 else ()), *({u_shape[0]} if len(u_shape) == 2 else ()),

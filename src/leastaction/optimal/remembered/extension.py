@@ -58,7 +58,10 @@ class Remembered:
 
     def __init__(self, system: DiscreteSystem, cost: Cost, limits: Sequence[Limit], needs: Sequence[Need]) -> None:
         self.own = system
-        self.system = RememberingSystem(system, needs)
+        # What returns is before the first step as it is before what would come after the last.
+        places = [place for each in limits if isinstance(each, Periodic) for place in each.entries(system)]
+        returning = [need for need in needs if places and (need[0] == "input" or need[1] in places)]
+        self.system = RememberingSystem(system, needs, returning)
         self.cost = RememberedCost(cost, self.system)
         self.limits: list[Limit] = [each if isinstance(each, Bound | Periodic) else OwnLimit(each) for each in limits]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from typing import Any, cast
@@ -11,8 +11,8 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, linearized
-from leastaction.optimal.looking_back import LookingBack, Need, OwnQuantity, needs_of
-from leastaction.optimal.quantity import Entries, Quantity
+from leastaction.optimal.looking_back import BEFORE, LookingBack, Need, OwnQuantity, Recalled, needs_of
+from leastaction.optimal.quantity import Entries, Instants, Quantity
 from leastaction.optimal.space import ProductSpace, Vectors
 from leastaction.optimal.system import Linearization
 
@@ -20,11 +20,12 @@ from leastaction.optimal.system import Linearization
 class RememberingSystem(DiscreteSystem):
     """A system with state ``[x; m]``, where m are inputs of the step before, and entries of the state it began with.
 
-    ``needs``: what is remembered, inputs first. As fit for several threads as the system is.
+    ``needs``: what is remembered, inputs first. ``returning``: what the first step has from the last, of a motion that
+    returns; it is free in the first state. As fit for several threads as the system is.
     """
 
-    def __init__(self, system: DiscreteSystem, needs: Sequence[Need]) -> None:
-        self.system, self.needs = system, tuple(needs)
+    def __init__(self, system: DiscreteSystem, needs: Sequence[Need], returning: Collection[Need] = ()) -> None:
+        self.system, self.needs, self.returning = system, tuple(needs), frozenset(returning)
         self.n_own, self.d_own, self.N, self.nu = system.nx, system.ndx, system.N, system.nu
         self.nx, self.has_curvature = system.nx + len(needs), system.has_curvature
         charts = system.charts()
@@ -40,10 +41,20 @@ class RememberingSystem(DiscreteSystem):
         return np.ascontiguousarray(x[..., : self.n_own])
 
     def extended(self, x: Array, u: Array) -> Array:
-        """Return states (nx,) or (N+1, nx) of the system with what was before them; nothing before the first."""
+        """Return states (nx,) or (N+1, nx) of the system with what was before them.
+
+        Nothing before the first but what returns: as far before it as the step before the last state leads.
+        """
         memory = np.zeros((*x.shape[:-1], len(self.needs)))
+        first = x if x.ndim == 1 else x[0]
         if x.ndim == 2:
             memory[1:] = self._left(x[:-1], u)
+        if self.returning:
+            whole, last = x.ndim == 2, np.concatenate([u[-1, self.inputs], first[self.states]])
+            if whole:
+                last[len(self.inputs) :] += x[-2, self.states] - x[-1, self.states]
+            returns = [need in self.returning for need in self.needs]
+            (memory[0] if whole else memory)[returns] = last[returns]
         return np.concatenate([x, memory], axis=-1)
 
     def _left(self, x: Array, u: Array) -> Array:
@@ -110,11 +121,16 @@ class RememberingSystem(DiscreteSystem):
     # ---- Its start --------------------------------------------------------------------------------
 
     def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
-        return self._above(self.system.start_directions(self.own(x), free))
+        own = self._above(self.system.start_directions(self.own(x), free))
+        return np.hstack([own, np.eye(self.ndx)[:, self.d_own + self._returning()]])
 
     def moved_start(self, x: Array, dx: Array) -> Array:
         own = self.system.moved_start(self.own(x), np.ascontiguousarray(dx[: self.d_own]))
-        return np.concatenate([own, x[self.n_own :]])
+        return np.concatenate([own, x[self.n_own :] + dx[self.d_own :]])
+
+    def _returning(self) -> Instants:
+        """Return which of what is remembered returns."""
+        return np.flatnonzero([need in self.returning for need in self.needs])
 
     def check_start(self, x: Array) -> None:
         self.system.check_start(self.own(x))
@@ -136,10 +152,10 @@ class RememberingSystem(DiscreteSystem):
         return self.system.parameters
 
     def with_parameters(self, values: Mapping[str, float]) -> DiscreteSystem:
-        return RememberingSystem(self.system.with_parameters(values), self.needs)
+        return RememberingSystem(self.system.with_parameters(values), self.needs, self.returning)
 
     def with_parameters_near(self, values: Mapping[str, float]) -> DiscreteSystem:
-        return RememberingSystem(self.system.with_parameters_near(values), self.needs)
+        return RememberingSystem(self.system.with_parameters_near(values), self.needs, self.returning)
 
     def conditions_of(self, names: Sequence[str]) -> list[Quantity]:
         return self.system.conditions_of(names)
@@ -184,7 +200,14 @@ class RememberingSystem(DiscreteSystem):
         return self.system.resolved_rates()
 
     def returning_entries(self, names: Sequence[str], what: str) -> list[int]:
-        return self.system.returning_entries(names, what)
+        """Return those of the system's own state, and of what returns with them."""
+        return [*self.system.returning_entries(names, what), *(self.n_own + self._returning()).tolist()]
+
+    def returning_name(self, place: int) -> str:
+        if place < self.n_own:
+            return self.system.returning_name(place)
+        kind, i = self.needs[place - self.n_own]
+        return (self.system.input_name(i) if kind == "input" else self.system.returning_name(i)) + BEFORE
 
     @property
     def beside(self) -> Mapping[str, str]:  # type: ignore[override]
@@ -201,7 +224,8 @@ class RememberingSystem(DiscreteSystem):
     def looking(self, whole: Quantity) -> Quantity:
         """Return a quantity of the system as one of the states with a memory."""
         if isinstance(whole, LookingBack):
-            return whole.remembering({need: i - len(self.needs) for i, need in enumerate(self.needs)})
+            places = {need: i - len(self.needs) for i, need in enumerate(self.needs)}
+            return whole.remembering(Recalled(places, self.returning))
         if needs_of(whole):  # a view of one
             other: Any = copy(whole)
             other.whole = self.looking(other.whole)

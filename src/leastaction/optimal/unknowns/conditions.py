@@ -28,8 +28,9 @@ def rows_of_condition(
     """
     if isinstance(condition, Entries):
         least = {each.name: -np.inf if each.min is None else each.min for each in unknowns}
+        own: Any = instants or system
         names = [name for name in condition.names if least[name] < 0.0]
-        rows = Bound(names, 0.0, of="unknown", at="start").rows(instants or system, 0) if names else []
+        rows = Bound(names, 0.0, of="unknown", at="start").rows(own, 0) if names else []
         return [replace(row, is_asked=False) for row in rows]
     quantity, count = QuantityOfUnknowns(system, condition), len(condition.names)
     size, start = size_of(values_of(condition, guess)[0]), np.zeros(1, dtype=np.intp)

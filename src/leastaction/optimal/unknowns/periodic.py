@@ -13,6 +13,7 @@ from leastaction.numerics.arrays import Array, as_number
 from leastaction.numerics.public import public
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows
+from leastaction.optimal.looking_back import BEFORE
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
 from leastaction.optimal.system import System
 from leastaction.optimal.unknowns.extended import Extended
@@ -22,6 +23,9 @@ from leastaction.optimal.unknowns.extended import Extended
 @dataclass(frozen=True)
 class Periodic(Limit):
     """Equations ``x_N = x_0 + offset`` of entries of the state, for a motion that may go on like this for ever.
+
+    A limit on how fast inputs change, or on accelerations, holds from the last step to the first as well, where all
+    that it is of returns: inputs always do.
 
     The initial state has to be free, ``optimize(..., free_start=True)``, or some entries of it. The cost has to weigh
     all that is free, or it is held there, such as the place of a walker: ``free_start=["knee", "p_*"]``.
@@ -67,7 +71,7 @@ class Periodic(Limit):
         places = system.returning_entries(patterns, str(self))
         if not places:
             raise ArgumentError(f"{self}: got no names")
-        chosen = [known[i] for i in places]
+        chosen = [known[i] for i in places if i < len(known)]
         for what in ("offset", "modulo"):
             for name in getattr(self, what):
                 if name not in chosen:
@@ -84,8 +88,8 @@ class Periodic(Limit):
             )
         own: System = extended.system
         places = np.array(self.entries(own), dtype=np.intp)
-        known = own.quantity("state").names
-        names = [known[i] for i in places]
+        labels = [own.returning_name(i) for i in places.tolist()]
+        names = [label.removesuffix(BEFORE) for label in labels]
         rows = []
         for turning in (False, True):
             chosen = [j for j, name in enumerate(names) if (name in self.modulo) is turning]
@@ -93,7 +97,7 @@ class Periodic(Limit):
                 continue
             # What is kept of the first state counts from there, so the change is an entry itself.
             some = [names[j] for j in chosen]
-            change = Entries(some, places[chosen], of_state=True, kind="return of")
+            change = Entries([labels[j] for j in chosen], places[chosen], of_state=True, kind="return of")
             offset = np.array([[self.offset.get(name, 0.0) for name in some]])
             quantity: Quantity = change
             if turning:

@@ -36,6 +36,8 @@ class ExtendedSystem(Extended, DiscreteSystem):
     may share it, as far as they may share the system.
     """
 
+    system: DiscreteSystem
+
     def __init__(
         self, system: DiscreteSystem, parameters: Sequence[str], copied: Sequence[int], free_start: bool | Sequence[str]
     ) -> None:

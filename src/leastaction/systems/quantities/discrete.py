@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.looking_back import InputRates, LookingBack, Need
+from leastaction.optimal.looking_back import InputRates, LookingBack, Need, Recalled
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
 from leastaction.systems.quantities.rates import Rates
 from leastaction.systems.quantities.scaled import Scaled
@@ -111,17 +111,16 @@ class AccelerationsAcross(LookingBack):
     kind = "acceleration of"
     looks_ahead = True
 
-    def __init__(
-        self, mechanism: Mechanism, which: Instants, dt: Array, memory: Mapping[Need, int] | None = None
-    ) -> None:
-        self.mechanism, self.which, self.dt, self.memory = mechanism, which, dt, memory
+    def __init__(self, mechanism: Mechanism, which: Instants, dt: Array, memory: Recalled | None = None) -> None:
+        self.mechanism, self.which, self.dt = mechanism, which, dt
         self.names = tuple(mechanism.variables[i] for i in which)
+        super().__init__(memory)
 
     @property
     def needs(self) -> tuple[Need, ...]:
         return tuple(("state", int(i)) for i in self.which)
 
-    def remembering(self, memory: Mapping[Need, int]) -> AccelerationsAcross:
+    def remembering(self, memory: Recalled) -> AccelerationsAcross:
         return AccelerationsAcross(self.mechanism, self.which, self.dt, memory)
 
     def select(self, rows: Sequence[int]) -> AccelerationsAcross:
@@ -148,7 +147,10 @@ class AccelerationsAcross(LookingBack):
         return isinstance(other, AccelerationsAcross) and np.array_equal(self.dt, other.dt)
 
     def _steps(self, at: Samples) -> tuple[Array, Array, Array]:
-        """Return the lengths of the steps before and after, and the time between their middles (n, 1)."""
+        """Return the lengths of the steps before and after, and the time between their middles (n, 1).
+
+        Before the first is the last, of a motion that returns.
+        """
         before, after = self.dt[at.k - 1, None], self.dt[at.k, None]
         return before, after, 0.5 * (before + after)
 

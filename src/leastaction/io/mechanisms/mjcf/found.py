@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from leastaction.io.mechanisms.model import LeftOut
 from leastaction.mechanics.elements import Element
 from leastaction.optimal import Bound
+from leastaction.systems import PathBound
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,7 @@ class Found:
     """
 
     elements: tuple[Element, ...] = ()
-    limits: tuple[Bound, ...] = ()
+    limits: tuple[Bound | PathBound, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     inputs: tuple[str | None, ...] = ()
 

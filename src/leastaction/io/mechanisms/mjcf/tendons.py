@@ -25,6 +25,7 @@ from leastaction.mechanics import (
 )
 from leastaction.mechanics.elements import Element
 from leastaction.optimal import Bound
+from leastaction.systems import PathBound
 
 
 def elements_of_tendons(spec: Any, names: Names, bare: Bare) -> Found:
@@ -42,7 +43,7 @@ def elements_of_tendons(spec: Any, names: Names, bare: Bare) -> Found:
             continue
         left_out: list[LeftOut] = []
         elements = tuple(_elements(tendon, along, left_out, partial(slack_length, along, names, bare)))
-        limits = tuple(_limits(tendon, along, left_out))
+        limits = tuple(_limits(tendon, along))
         found += Found(elements=elements, limits=limits, left_out=tuple(left_out))
     return found
 
@@ -84,12 +85,11 @@ def spring(along: Along, stiffness: float, low: float, high: float, name: str) -
     return NonlinearSpring(along.scalar, Curve.from_pieces([low, low + 1.0], [[0.0, stiffness]]), name=name)
 
 
-def _limits(tendon: Any, along: Along, left_out: list[LeftOut]) -> Iterator[Bound]:
+def _limits(tendon: Any, along: Along) -> Iterator[Bound | PathBound]:
     if not is_limited(tendon.limited, tendon.range, tendon.compiler):
         return
-    if along.of_paths:
-        why = "a bound is of variables; limit the length by a `FunctionQuantity`"
-        left_out.append(LeftOut(f"range of the tendon {tendon.name!r}", why))
-        return
     low, high = (float(end) - along.offset for end in tendon.range)
-    yield Bound(along.scalar, low, high, of="variable")
+    if along.of_paths:
+        yield PathBound(along.scalar, low, high, name=tendon.name)
+    else:
+        yield Bound(along.scalar, low, high, of="variable")

@@ -46,6 +46,8 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
         A final time of a system that jumps with time.
     """
 
+    system: ContinuousSystem
+
     def __init__(
         self,
         system: ContinuousSystem,
@@ -74,11 +76,10 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
         return self._made(tuple(values[self._columns].tolist()), True)
 
     def _make(self, values: tuple[float, ...], near: bool) -> ContinuousSystem:
-        system: ContinuousSystem = self.system
         if not values:
-            return system
+            return self.system
         named = dict(zip(self.numbers, values, strict=True))
-        return system.with_parameters_near(named) if near else system.with_parameters(named)
+        return self.system.with_parameters_near(named) if near else self.system.with_parameters(named)
 
     def start_time(self) -> float:
         return self.t0
@@ -156,7 +157,7 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
     def _slope_by(self, j: int, values: Array, z: Array, slopes: Any) -> Array:
         """Return the derivative of slopes by a parameter."""
         if j != self.time_at:
-            return by_differences(lambda moved: slopes(moved, z), values, j)
+            return by_differences(lambda moved: np.asarray(slopes(moved, z)), values, j)
 
         def moved_by(by: float) -> Array:
             moved = values.copy()
@@ -166,7 +167,7 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
         if not self.system.autonomous:
             return fourth_order(moved_by, _BY_TIME * self.lasts)
         # All are proportional to the pace, but that by the final time itself, which does not depend on it.
-        found = moved_by(0.0) / (values[j] - self.t0)
+        found: Array = moved_by(0.0) / (values[j] - self.t0)
         found[:, self.n_own + self.nu + j] = 0.0
         return found
 
@@ -228,13 +229,12 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
     def quantity(self, kind: str, t: Array | None = None) -> Quantity:
         if kind == "unknown":
             return self.unknown_quantity()
-        system: ContinuousSystem = self.system
-        return system.quantity(kind, t)
+        return self.system.quantity(kind, t)
 
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the entries of the state: of the system's own, and of what is constant."""
-        own: tuple[str, ...] = self.system.state_names
+        own = self.system.state_names
         return (*own, *self.names, *(f"{own[i]} at the start" for i in self.copied))
 
 
