@@ -23,8 +23,8 @@ from leastaction.numerics.step_quality import StepQuality
 
 _HALVINGS = 12  # partings of a given step, one within the other
 # Places at which a step is parted, of its length. The next is tried where one before meets a configuration from which
-# no way leads on, such as a lift that is upright.
-_PARTS = (0.5, 0.45, 0.41)
+# no way leads on, such as a lift that is upright, and strides across with another energy.
+_PARTS = (0.5, 0.45, 0.41, 0.55, 0.37, 0.6)
 _SHORT = 2.0**-10  # length, of a step, at whose middle the energy is still that of its start
 _ROUNDING = 1e-10  # rounding of an energy, of the sizes of all its terms
 
@@ -90,32 +90,41 @@ class Refiner:
     def __init__(self, vi: Integrator, controls: Controls, tolerance: float) -> None:
         self.vi, self.controls, self.tolerance = vi, controls, tolerance
         self.found: list[RefinedStep] = []
+        self.strayed = 0.0  # energy (J) that came or went in strides of these
 
     def make(self, k: int, x: Array) -> list[RefinedStep]:
         """Return the parts of given step k from the state x at its start; none where one of them cannot be made."""
         begin, end = self.controls.t[k : k + 2].tolist()
+        best, least = list[RefinedStep](), np.inf
         for part in _PARTS:
-            self.found = []
-            if self._go(k, x, begin, end, part, _HALVINGS) is not None:
-                return self.found
-        return []
+            self.found, self.strayed = [], 0.0
+            if self._go(k, x, begin, end, part, _HALVINGS) is not None and self.strayed <= least:
+                best, least = self.found, self.strayed
+            if least <= self.tolerance:
+                break
+        return best
 
     def _go(self, k: int, x: Array, begin: float, end: float, part: float, halvings: int) -> Array | None:
         """Return the state at the end of a part of step k, or None where it cannot be reached."""
         whole = self._steps(k, x, (begin, end))
         inner = begin + part * (end - begin)
-        if whole is not None and (halvings == 0 or self._keeps_energy(k, x, (begin, inner, end), whole)):
+        if whole is not None and self._keeps_energy(k, x, (begin, inner, end), whole):
             return self._note(k, begin, end, whole)
-        if halvings == 0:
+        if halvings > 0:
+            before, strayed = len(self.found), self.strayed
+            first = self._go(k, x, begin, inner, part, halvings - 1)
+            second = None if first is None else self._go(k, first, inner, end, part, halvings - 1)
+            if second is not None:
+                return second
+            del self.found[before:]
+            self.strayed = strayed
+        if whole is None:
             return None
-        before = len(self.found)
-        first = self._go(k, x, begin, inner, part, halvings - 1)
-        second = None if first is None else self._go(k, first, inner, end, part, halvings - 1)
-        if second is not None:
-            return second
-        del self.found[before:]
         # Where its parts meet a configuration from which no way leads on it strides across.
-        return None if whole is None else self._note(k, begin, end, whole)
+        u, h = self.controls(k, begin, end), end - begin
+        before_it, after_it = self._energy(x, u, begin, h), self._energy(whole.x, u, end, h)
+        self.strayed += np.inf if before_it is None or after_it is None else abs(after_it[0] - before_it[0])
+        return self._note(k, begin, end, whole)
 
     def _note(self, k: int, begin: float, end: float, made: _Made) -> Array:
         """Note what was made of a step; return the state at its end."""
