@@ -38,11 +38,12 @@ class Equations:
         self.motion = motion
         self.projection = projection if self.mechanism.nc else None
         self.kinematics = Kinematics(self.mechanism)
+        self.curved = self.kinematics.curved
 
     @property
     def holds(self) -> bool:
         """Whether the end of a step is moved: onto a prescribed motion, constraints, quaternions of unit length."""
-        return self.motion is not None or self.projection is not None or self.kinematics.curved
+        return self.motion is not None or self.projection is not None or self.curved
 
     def __getstate__(self) -> dict[str, object]:
         # A trajectory goes to another process with the mechanism; what is compiled is made anew there.
@@ -58,7 +59,7 @@ class Equations:
     def state(self, t: float, x: Array) -> Array:
         """Return x with the prescribed motion in its place, and quaternions of unit length."""
         m = self.mechanism
-        if self.kinematics.curved:
+        if self.curved:
             x = np.concatenate([self.kinematics.on_space(x[: m.nq]), x[m.nq :]])
         if self.motion is None:
             return x
@@ -105,7 +106,7 @@ class Equations:
             raise DynamicsError("the equations of motion have no solution", t=t, variable=None)
         v = x[m.nq :]
         # Of their own length: so that what an integrator does to it is without effect (see `Kinematics`).
-        q_rate = self.kinematics.rates(quaternions[: m.nq], v) if self.kinematics.curved else v
+        q_rate = self.kinematics.rates(quaternions[: m.nq], v) if self.curved else v
         return np.concatenate([q_rate, out.a[0], u[m.n_inputs :]])
 
     def rate_on_constraints(self, t: float, x: Array) -> Array:

@@ -14,6 +14,7 @@ import numpy as np
 
 from leastaction import _core
 from leastaction.mechanics.description.frames import rx, ry, rz, tx, ty, tz
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.path_motion import poses_of
 from leastaction.numerics.arrays import Array
@@ -31,6 +32,7 @@ def reactions(
     (N), then the torque (N m) about the origin of the frame, in world axes, with which what is before the joint acts on
     what is behind it.
     """
+    angles_only(m, "reactions")
     cut = _cut(m)
     column = {name: i for i, name in enumerate(cut.variables)}
     places = [column[name] for name in m.variables]
