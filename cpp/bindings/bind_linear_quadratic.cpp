@@ -6,12 +6,15 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
+#include "optimal/interior_program.hpp"
 #include "optimal/linear_quadratic.hpp"
 
 namespace nb = nanobind;
@@ -214,6 +217,104 @@ void adjoint(const Input& A, const Input& B, const Input& K, const Input& q, con
     sweep_adjoint(problem, K.data(), z.data());
 }
 
+using Indices = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+void make_program(InteriorProgram* self, std::size_t N, std::size_t nx, std::size_t nu, const Indices& stage,
+                  const Indices& begin, const Indices& column) {
+    const auto list = [](const Indices& of) { return std::vector<std::ptrdiff_t>(of.data(), of.data() + of.shape(0)); };
+    const std::size_t m = stage.shape(0), entries = column.shape(0);
+    require(begin.shape(0) == m + 1 && begin.data()[0] == 0, "begin must have one entry more than there are rows");
+    require(begin.data()[m] == static_cast<std::int64_t>(entries), "begin must end with the number of entries");
+    for (std::size_t i = 0; i < m; ++i) {
+        const std::int64_t k = stage.data()[i], n = k == static_cast<std::int64_t>(N) ? nx : 2 * nx + nu;
+        require(k >= 0 && k <= static_cast<std::int64_t>(N), "stage: no such instant");
+        require(begin.data()[i] <= begin.data()[i + 1], "begin must ascend");
+        for (std::int64_t at = begin.data()[i]; at < begin.data()[i + 1]; ++at)
+            require(column.data()[at] >= 0 && column.data()[at] < n, "column: no such entry");
+    }
+    new (self) InteriorProgram(N, nx, nu, list(stage), list(begin), list(column));
+}
+
+InteriorProgram::Report solve_program(InteriorProgram& self, const Input& A, const Input& B, const Input& values,
+                                      double tolerance, double magnitude, int most, const MaybeInput& Q,
+                                      bool Q_diagonal, const MaybeInput& R, bool R_diagonal, const MaybeInput& S,
+                                      const Input& q, const Input& r, const MaybeInput& Q_final, const Input& q_final,
+                                      const MaybeInput& part, const MaybePlaces& part_columns,
+                                      const std::optional<Pattern>& pattern) {
+    const auto [N, nx, nu] = sizes(A, B);
+    require(self.K.size() == N * nx * nu && self.dx.size() == (N + 1) * nx, "A and B must be of the program's sizes");
+    LinearQuadraticProblem problem = dynamics(A, B);
+    problem.Q = block(Q, Q_diagonal, N, nx, nx, "Q must have shape (nx) or (nx, nx), or N of them");
+    problem.R = block(R, R_diagonal, N, nu, nu, "R must have shape (nu) or (nu, nu), or N of them");
+    problem.S = block(S, false, N, nx, nu, "S must have shape (nx, nu), or N of them");
+    problem.part = part_of(part, part_columns, N, nx + nu);
+    problem.q = checked(q, {N, nx}, "q must have shape (N, nx)");
+    problem.r = checked(r, {N, nu}, "r must have shape (N, nu)");
+    problem.Q_final =
+        block(Q_final, N, nx, nx, false, Q_final && Q_final->ndim() == 1, "Q_final must have shape (nx) or (nx, nx)");
+    problem.q_final = checked(q_final, {nx}, "q_final must have shape (nx)");
+    set_pattern(problem, pattern);
+    require(has_shape(values, {static_cast<std::size_t>(self.rows())}), "values must have one entry for each row");
+    std::copy_n(values.data(), values.size(), self.values.begin());
+    nb::gil_scoped_release release;
+    return self.solve(problem, tolerance, magnitude, most);
+}
+
+// Memory of a program's, as an array that may be written to.
+template <class Shape>
+void program_field(nb::class_<InteriorProgram>& type, const char* name, std::vector<double> InteriorProgram::* field,
+                   const Shape& shape, const char* meaning) {
+    using View = nb::ndarray<nb::numpy, double, nb::c_contig>;
+    type.def_prop_ro(
+        name,
+        [field, shape](nb::handle_t<InteriorProgram> self) {
+            auto& of = nb::cast<InteriorProgram&>(self);
+            const std::vector<std::size_t> sizes = shape(of);
+            return View((of.*field).data(), sizes.size(), sizes.data(), self);
+        },
+        nb::rv_policy::automatic, meaning);
+}
+
+void bind_interior_program(nb::module_& m) {
+    using P = InteriorProgram;
+    using Sizes = std::vector<std::size_t>;
+    nb::class_<P::Report>(m, "InteriorReport")
+        .def_ro("solved", &P::Report::solved)
+        .def_ro("iterations", &P::Report::iterations)
+        .def_ro("converged", &P::Report::converged)
+        .def_ro("excess", &P::Report::excess);
+    nb::class_<P> program(m, "InteriorProgram",
+                          "A quadratic problem along a motion with limits c + C (dx, du) >= 0, and its memory.");
+    program
+        .def("__init__", &make_program, "horizon"_a, "nx"_a, "nu"_a, "stage"_a, "begin"_a, "column"_a,
+             "stage (m): of each row; begin (m + 1): of its entries in `column`, which are of [dx; du; dx of the next "
+             "stage], and in `coefficients`.")
+        .def("solve", &solve_program, "A"_a, "B"_a, "values"_a, "tolerance"_a, "magnitude"_a, "most"_a, nb::kw_only(),
+             "Q"_a.none(), "Q_diagonal"_a, "R"_a.none(), "R_diagonal"_a, "S"_a.none(), "q"_a, "r"_a, "Q_final"_a.none(),
+             "q_final"_a, "part"_a.none(), "part_columns"_a.none(), "pattern"_a.none(),
+             "Solves it for values c (m), in at most so many iterations.")
+        .def_rw("kept", &P::kept, "Whether slacks and multipliers are of an instant before.");
+    const auto entries = [](const P& of) { return Sizes{of.coefficients.size()}; };
+    const auto rows = [](const P& of) { return Sizes{of.scales.size()}; };
+    program_field(program, "coefficients", &P::coefficients, entries, "C, by its entries.");
+    program_field(program, "scales", &P::scales, rows, "Of the rows.");
+    program_field(program, "rho", &P::rho, rows, "Prices of an excess.");
+    program_field(program, "s", &P::s, rows, "Slacks.");
+    program_field(program, "e", &P::e, rows, "Excesses.");
+    program_field(program, "y", &P::y, rows, "Multipliers.");
+    const auto horizon = [](const P& of) { return static_cast<std::size_t>(of.horizon()); };
+    program_field(
+        program, "dx", &P::dx, [=](const P& of) { return Sizes{horizon(of) + 1, of.dx.size() / (horizon(of) + 1)}; },
+        "Changes of the states (N+1, nx).");
+    program_field(
+        program, "du", &P::du, [=](const P& of) { return Sizes{horizon(of), of.du.size() / horizon(of)}; },
+        "Changes of the inputs (N, nu).");
+    program_field(
+        program, "K", &P::K,
+        [=](const P& of) { return Sizes{horizon(of), of.du.size() / horizon(of), of.dx.size() / (horizon(of) + 1)}; },
+        "Gains of the last recursion (N, nu, nx).");
+}
+
 }  // namespace
 
 void bind_linear_quadratic(nb::module_& m) {
@@ -245,6 +346,7 @@ void bind_linear_quadratic(nb::module_& m) {
           "What a drift adds to the feedforward of a problem that was solved; writes C.");
     m.def("sweep_adjoint", &adjoint, "A"_a, "B"_a, "K"_a, "q"_a, "r"_a, "q_final"_a, "z"_a,
           "pattern"_a.none() = nb::none(), "Adjoint of the closed-loop linearisation; writes z.");
+    bind_interior_program(m);
 }
 
 }  // namespace leastaction

@@ -14,6 +14,7 @@
 #include "discrete/energy.hpp"
 #include "discrete/layout.hpp"
 #include "discrete/linearization.hpp"
+#include "discrete/many.hpp"
 #include "discrete/trajectory.hpp"
 
 using namespace nanobind::literals;
@@ -110,6 +111,28 @@ RollOutResult roll_out_from(const Midpoint& midpoint, const In<1>& t, const In<1
     }
     if (result.interrupted) workspace.discard();
     return {X, U, lam, energies, result, copy_of(residual, {residual.size()})};
+}
+
+struct ManyRollOuts {
+    Out x, lam;
+    std::vector<OneOfMany> each;
+};
+
+ManyRollOuts roll_out_many_from(const Midpoint& midpoint, const In<1>& t, const In<2>& x0, const In<3>& u,
+                                int threads) {
+    const Mechanism& m = midpoint.mechanism();
+    const std::size_t B = x0.shape(0), N = steps_of(t), nx = m.n_states(), nc = m.n_constraints();
+    expect(x0.shape(1), nx, "x0");
+    expect(u.shape(0), B, "u");
+    expect(u.size(), B * N * m.n_controls(), "u");
+    ManyRollOuts out{new_array({B, N + 1, nx}), new_array({B, N, nc}), {}};
+    nb::gil_scoped_release release;
+    std::fill_n(out.x.data(), out.x.size(), NAN);
+    std::fill_n(out.lam.data(), out.lam.size(), NAN);
+    for (std::size_t b = 0; b < B; ++b) std::copy_n(x0.data() + b * nx, nx, out.x.data() + b * (N + 1) * nx);
+    out.each = roll_out_many(midpoint, static_cast<int>(B), static_cast<int>(N), t.data(), u.data(), threads,
+                             out.x.data(), out.lam.data());
+    return out;
 }
 
 RollOutResult step_each_of(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u, int threads,
@@ -377,6 +400,23 @@ void bind_midpoint(nb::module_& module) {
     rolled.def_prop_ro(
         "failed_iterations", [](const R& r) { return r.report.failure.iterations; },
         "Newton iterations of the step that failed.");
+    using Many = ManyRollOuts;
+    nb::class_<Many> many(module, "ManyRollOuts", "Roll-outs of one mechanism, each up to its first step that failed.");
+    array_field(many, "x", &Many::x, "States (B, N+1, nx); not numbers behind a step that failed.");
+    array_field(many, "lam", &Many::lam, "Multipliers (B, N, nc).");
+    const auto of_each = [&](const char* name, auto field, const char* meaning) {
+        many.def_prop_ro(
+            name,
+            [field](const Many& r) {
+                std::vector<std::remove_cvref_t<decltype(OneOfMany{}.*field)>> out;
+                for (const OneOfMany& one : r.each) out.push_back(one.*field);
+                return out;
+            },
+            meaning);
+    };
+    of_each("steps", &OneOfMany::steps, "How many steps each made.");
+    of_each("alone", &OneOfMany::alone, "How many of them not side by side with others.");
+    of_each("status", &OneOfMany::status, "Of the last step of each.");
     using P = ParameterDerivatives;
     nb::class_<P> slopes(module, "ParameterDerivatives", "Derivatives of every step by parameters.");
     array_field(slopes, "x", &P::x, "Of the next states (N, nx, P).");
@@ -409,6 +449,9 @@ void bind_midpoint(nb::module_& module) {
         .def("roll_out", &roll_out_from, "t"_a, "x0"_a, "xbar"_a.none(), "ubar"_a, "K"_a.none(), "first_share"_a = 1.0,
              "energies"_a = false, "interruptible"_a = false,
              "Steps from x0 over the times t under u = ubar - K (x - xbar).")
+        .def(
+            "roll_out_many", &roll_out_many_from, "t"_a, "x0"_a, "u"_a, "threads"_a = 0,
+            "Steps from each of x0 (B, nx) over the times t under u (B, N, nu), each to the last bit what it is alone.")
         .def("step_each", &step_each_of, "t"_a, "x"_a, "u"_a, "threads"_a = 0, "first_share"_a = 1.0,
              "The steps of a curve, each from its own state: x (N, nx) of the result is where they lead to.")
         .def("energies", &energies_of, "t"_a, "x"_a, "u"_a, "lam"_a, "first_share"_a = 1.0,

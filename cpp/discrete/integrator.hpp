@@ -5,6 +5,7 @@
 
 #include "discrete/curvature.hpp"
 #include "discrete/differentiate.hpp"
+#include "discrete/lane_step.hpp"
 #include "discrete/newton_step.hpp"
 #include "discrete/parameters.hpp"
 #include "numerics/pool.hpp"
@@ -26,13 +27,17 @@ public:
         if (!second_) second_ = std::make_unique<SecondOrder>(step.mechanism(), step.split());
         return *second_;
     }
-
+    LaneStep& lanes() {
+        if (!lanes_) lanes_ = std::make_unique<LaneStep>(step);
+        return *lanes_;
+    }
     ParameterSlopes& slopes() {
         if (!slopes_) slopes_ = std::make_unique<ParameterSlopes>(step.mechanism());
         return *slopes_;
     }
 
 private:
+    std::unique_ptr<LaneStep> lanes_;
     std::unique_ptr<ParameterSlopes> slopes_;
     std::unique_ptr<FirstOrder> first_;
     std::unique_ptr<SecondOrder> second_;

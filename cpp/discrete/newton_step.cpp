@@ -1,5 +1,6 @@
 #include "discrete/newton_step.hpp"
 
+#include "discrete/root_trust.hpp"
 #include "discrete/step_hessian.hpp"
 
 #include <algorithm>
@@ -12,9 +13,8 @@ namespace leastaction {
 
 namespace {
 
-constexpr double slow_contraction = 0.05;  // an iteration that gains less asks for a fresh Newton matrix
-constexpr double no_contraction = 0.5;     // and so does one that gains less with the matrix of an earlier step
-constexpr double rounding_floor = 1e-9;    // where the residual stops falling below this, rounding is reached
+using namespace trust;
+
 constexpr int max_halvings = 8;
 constexpr double fresh_price = 0.5;   // of a new Newton matrix, in iterations
 constexpr double same_point = 1e-14;  // relative moves below this leave the Newton matrix exact

@@ -130,6 +130,14 @@ public:
 
     const Mechanism& mechanism() const { return *mechanism_; }
     Split split() const { return settings_.split; }
+    double tolerance() const { return settings_.tolerance; }
+    bool is_dense() const { return !tree_; }  // the Newton matrix is eliminated as a whole
+    // For find(), by variable: |angle| moved by it; by dynamic variable, of the last step found: square roots of the
+    // inertia, pivots times dt, and reciprocals of the inertia.
+    const std::vector<double>& turns() const { return turn_; }
+    const std::vector<double>& root_inertia() const { return root_inertia_; }
+    const std::vector<double>& pivots() const { return pivots_; }
+    const std::vector<double>& mobility() const { return mobility_; }
 
 private:
     void turn_ends();          // of balls: turnings_, their quaternions in q2 and end_

@@ -25,21 +25,18 @@
 #include <limits>
 
 #include "discrete/newton_step.hpp"
+#include "discrete/root_trust.hpp"
 
 namespace leastaction {
 
 namespace {
 
-constexpr double small_turn = 0.2;         // rad: no more than this between two roots' Newton matrices
-constexpr double medium_turn = 0.5;        // rad: nor than this, where the last step turned by as much
-constexpr double turn_change = 0.1;        // rad: within this
-constexpr double pivot_change = 1.5;       // and no pivot's change by more than this factor
-constexpr double direction_change = 0.3;   // nor a constraint's gradient by more than this part
+using namespace trust;
+
 constexpr double contraction = 0.25;       // of the second correction
 constexpr double long_turn = 1.0;          // rad: no part of the way is longer
 constexpr double straight = 0.1;           // a correction of less than this part of the way means no turn
 constexpr double nothing_left = 1e-9;      // rad or m: a correction below this contracts by rounding alone
-constexpr double limit_part = 0x1p-20;     // of the time step, as good as none
 constexpr double least_part = 1.0 / 1024;  // of the time step, to go on along the path
 constexpr int max_corrections = 8;
 

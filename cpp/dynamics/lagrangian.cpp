@@ -14,6 +14,7 @@ using Wide = Eigen::Array<double, lanes, 1>;
 
 // The doubles of a scalar: its value, and for a dual its derivative; for a hyper-dual those of both its duals.
 inline double part_of(double x, int) { return x; }
+inline const Lanes& part_of(const Lanes& x, int) { return x; }
 inline double part_of(const Dual<double>& x, int part) { return part == 0 ? x.v : x.d; }
 inline double part_of(const HyperDual& x, int part) { return part_of(part < 2 ? x.v : x.d, part % 2); }
 
@@ -161,7 +162,9 @@ void Lagrangian<T>::inertias(double* by_variable) const
 }
 
 template <class T>
-void Lagrangian<T>::hessian() {
+void Lagrangian<T>::hessian()
+    requires(!std::is_same_v<T, Lanes>)
+{
     const int n = mechanism_.n_massive;
     if (pairs.stride == 0) {
         pairs.resize(mechanism_);
@@ -188,7 +191,9 @@ void Lagrangian<T>::hessian() {
 // The products of row i with all joints of its runs, `lanes` joints at a time. For a dual scalar the derivative of each
 // product: by the product rule the sum of two products of plain numbers, for a hyper-dual of four.
 template <class T>
-void Lagrangian<T>::pair_products(int i) {
+void Lagrangian<T>::pair_products(int i)
+    requires(!std::is_same_v<T, Lanes>)
+{
     const std::size_t row = i * pairs.stride;
     for (const auto& [first, last] : mechanism_.runs[i]) {
         for (int j = first; j < last; j += lanes) {
@@ -269,5 +274,6 @@ double Lagrangian<T>::potential_size() const
 template class Lagrangian<double>;
 template class Lagrangian<Dual<double>>;
 template class Lagrangian<HyperDual>;
+template class Lagrangian<Lanes>;
 
 }  // namespace leastaction

@@ -34,10 +34,12 @@ struct PairDerivatives {
 };
 
 // The vectors above of one joint, component by component; G as [w x g; 0].
-struct JointVectors {
-    double S[6], W[6], G[6];
-    const double* AB;  // [A; B]
+template <class T>
+struct VectorsOf {
+    T S[6], W[6], G[6];
+    const T* AB;  // [A; B]
 };
+using JointVectors = VectorsOf<double>;
 
 template <class T>
 class Lagrangian {
@@ -48,8 +50,8 @@ public:
     void gradient(const T* q, const T* v);
     // Composite inertias, A and B at the point of the last gradient: all that the second derivatives are products of.
     void composites();
-    JointVectors vectors(int joint) const
-        requires std::is_same_v<T, double>
+    VectorsOf<T> vectors(int joint) const
+        requires(!is_dual<T>)
     {
         const Motion<T>&S = at.twist[joint], &W = W_[joint];
         const Vec3<T> G = cross(S.w, mechanism_.gravity);
@@ -63,7 +65,8 @@ public:
         requires std::is_same_v<T, double>;
     // Second derivatives at the point of the last gradient, in `pairs`; for a dual scalar, their derivatives along the
     // direction.
-    void hessian();
+    void hessian()
+        requires(!std::is_same_v<T, Lanes>);
     std::size_t pairs_stride() const { return stride_; }  // of the planes in `pairs`, before they are made too
 
     // Adds what the gradient changes by where a joint's own body gets more inertia (in the frame of the joint, about its
@@ -95,16 +98,19 @@ private:
     std::vector<Force<T>> H_own_, H_;
     std::vector<Inertia<T>> IC_;
     // Component-major copies for the wide pair products: part 0 the value, the others derivatives (of duals, hyper-duals).
-    static constexpr int parts = sizeof(T) / sizeof(double);
+    using Part = SizeOf<T>;
+    static constexpr int parts = sizeof(T) / sizeof(Part);
     std::vector<double> S_wide_[parts], W_wide_[parts], G_wide_[parts];
-    std::vector<double> AB_[parts];  // [A; B] by joint
+    std::vector<Part> AB_[parts];  // [A; B] by joint
     std::size_t stride_;
 
-    void pair_products(int i);
+    void pair_products(int i)
+        requires(!std::is_same_v<T, Lanes>);
 };
 
 extern template class Lagrangian<double>;
 extern template class Lagrangian<Dual<double>>;
 extern template class Lagrangian<HyperDual>;
+extern template class Lagrangian<Lanes>;
 
 }  // namespace leastaction

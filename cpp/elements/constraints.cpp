@@ -8,8 +8,9 @@ namespace leastaction {
 namespace {
 
 template <class T>
-double size_of(const Vec3<T>& a) {
-    return std::abs(value_of(a.x)) + std::abs(value_of(a.y)) + std::abs(value_of(a.z));
+SizeOf<T> size_of(const Vec3<T>& a) {
+    using std::abs;
+    return abs(value_of(a.x)) + abs(value_of(a.y)) + abs(value_of(a.z));
 }
 
 std::vector<int> above_point(const Constants& constants, int point) {
@@ -71,7 +72,7 @@ void Distance::evaluate_on(const Placement<T>& at, const T* q, Order order, Loca
     const T length = length_variable_ >= 0 ? q[length_variable_] : at.number(length_slot_);
     const T d2 = dot(d, d), l2 = length * length;
     out.value = d2 - l2;
-    if constexpr (std::is_same_v<T, double>) out.scale = d2 + l2;
+    if constexpr (!is_dual<T>) out.scale = d2 + l2;
     if (order == Order::value) return;
 
     out.gradient.resize(m);
@@ -124,11 +125,10 @@ void Coincidence::evaluate_on(const Placement<T>& at, const T*, Order order, Loc
     PointPair::Difference<T> change;
     pair_.difference(at, order, change);
     out.value = dot(direction_, change.d);
-    if constexpr (std::is_same_v<T, double>) {
+    if constexpr (!is_dual<T>) {
         // Of the places and of their changes: what rounding goes with.
         out.scale = size_of(change.p1) + size_of(change.p2);
-        for (std::size_t i = 0; i < m && order != Order::value; ++i)
-            out.scale = std::max(out.scale, size_of(change.D[i]));
+        for (std::size_t i = 0; i < m && order != Order::value; ++i) raise(out.scale, size_of(change.D[i]));
     }
     if (order == Order::value) return;
 

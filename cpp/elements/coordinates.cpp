@@ -7,6 +7,8 @@
 
 namespace leastaction {
 
+using std::abs;
+
 namespace {
 
 std::vector<int> above_points(const Constants& constants, const std::vector<int>& points,
@@ -32,6 +34,7 @@ T length_of(const Vec3<T>& d) {
     return sqrt(dot(d, d));
 }
 double reciprocal(double x) { return 1.0 / x; }
+Lanes reciprocal(const Lanes& x) { return 1.0 / x; }
 template <class T>
 Dual<T> reciprocal(const Dual<T>& x) {
     const T r = reciprocal(x.v);
@@ -84,11 +87,11 @@ template <class T>
 void Combination::evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const {
     const std::size_t m = support_.size();
     out.value = T{};
-    out.scale = 0;
+    out.scale = {};
     for (std::size_t i = 0; i < m; ++i) {
         const T term = at.number(slots_[i]) * q[support_[i]];
         out.value += term;
-        out.scale = std::max(out.scale, std::abs(value_of(term)));
+        raise(out.scale, abs(value_of(term)));
     }
     if (order == Order::value) return;
     out.gradient.resize(m);
@@ -115,7 +118,7 @@ template <class T>
 void PathLength::evaluate_on(const Placement<T>& at, const T*, Order order, LocalTaylor<T>& out) const {
     const std::size_t m = support_joints_.size();
     out.value = T{};
-    out.scale = 0;
+    out.scale = {};
     if (order != Order::value) out.gradient.assign(m, T{});
     if (order == Order::hessian) out.hessian.assign(m * m, T{});
     out.work.resize(4 * m);
@@ -127,8 +130,8 @@ void PathLength::evaluate_on(const Placement<T>& at, const T*, Order order, Loca
         const std::vector<End>& ends = pieces_[k];
         const T length = length_of(d);
         out.value += length;
-        out.scale = std::max({out.scale, value_of(length), std::abs(value_of(p1.x)), std::abs(value_of(p1.y)),
-                              std::abs(value_of(p1.z))});
+        raise(out.scale, value_of(length));
+        for (const T& x : {p1.x, p1.y, p1.z}) raise(out.scale, abs(value_of(x)));
         if (order != Order::value && !ends.empty()) {
             const T r = reciprocal(length);
             const Vec3<T> n = r * d;
@@ -172,7 +175,7 @@ void OffsetCoordinate::evaluate_on(const Placement<T>& at, const T* q, Order ord
     if (slot_ >= 0) offset += at.number(slot_);
     if (variable_ >= 0) offset += q[variable_];
     out.value -= offset;
-    if constexpr (std::is_same_v<T, double>) out.scale = std::max(out.scale, std::abs(offset));
+    if constexpr (!is_dual<T>) raise(out.scale, abs(offset));
     if (order == Order::value || variable_ < 0) return;
     const std::size_t inner = coordinate_->support().size(), m = support_.size();
     if (m > inner) {
@@ -207,7 +210,7 @@ template <class T>
 void SumOfCoordinates::evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const {
     const std::size_t m = support_.size();
     out.value = T{};
-    out.scale = 0;
+    out.scale = {};
     if (order != Order::value) out.gradient.assign(m, T{});
     if (order == Order::hessian) out.hessian.assign(m * m, T{});
     if (out.inner.empty()) out.inner.resize(1);
@@ -218,7 +221,7 @@ void SumOfCoordinates::evaluate_on(const Placement<T>& at, const T* q, Order ord
         const std::size_t size = to.size();
         coordinates_[k]->evaluate(at, q, order, one);
         out.value += factor * one.value;
-        out.scale = std::max(out.scale, std::abs(value_of(factor)) * one.scale);
+        raise(out.scale, abs(value_of(factor)) * one.scale);
         if (order == Order::value) continue;
         for (std::size_t i = 0; i < size; ++i) out.gradient[to[i]] += factor * one.gradient[i];
         if (order == Order::gradient) continue;
@@ -253,16 +256,16 @@ void LocalCoordinate::evaluate_on(const Placement<T>& at, const T* q, Order orde
     T* z = out.work.data();
     T *g = z + n, *H = g + n, *dz = H + n * n, *Hdz = dz + n_joints * 3 * vectors;
     Vec3<T>* at_z = reinterpret_cast<Vec3<T>*>(z);
-    out.scale = 0;
+    out.scale = {};
     for (int k = 0; k < vectors; ++k) {
         at_z[k] = k < np ? at.position(points_[k]) : at.direction(directions_[k - np]);
-        for (const T& x : {at_z[k].x, at_z[k].y, at_z[k].z}) out.scale = std::max(out.scale, std::abs(value_of(x)));
+        for (const T& x : {at_z[k].x, at_z[k].y, at_z[k].z}) raise(out.scale, abs(value_of(x)));
     }
     for (int k = 0; k < nv; ++k) z[3 * vectors + k] = q[variables_[k]];
     function_->evaluate(LocalCall<T>{at, z, n, order, out.value, g, H, out.scale});
-    out.scale = std::max(out.scale, std::abs(value_of(out.value)));
+    raise(out.scale, abs(value_of(out.value)));
     if (order == Order::value) return;
-    for (int k = 0; k < n; ++k) out.scale = std::max(out.scale, std::abs(value_of(g[k]) * value_of(z[k])));
+    for (int k = 0; k < n; ++k) raise(out.scale, abs(value_of(g[k]) * value_of(z[k])));
 
     out.gradient.resize(m);
     for (int i = 0; i < n_joints; ++i) {

@@ -3,7 +3,8 @@
 // A potential V(q), a holonomic constraint h(q) = 0 and a coordinate s(q) that a force acts along are the same thing to the
 // core: a scalar function of a few configuration variables (its support). It states its value, gradient and Hessian once,
 // on the generic scalar; the third order along a direction comes from the dual scalar, the fourth along two from the
-// hyper-dual one, and derivatives by its numbers in the same way, so a type with a missing order cannot exist.
+// hyper-dual one, and derivatives by its numbers in the same way, so a type with a missing order cannot exist. Lanes are
+// several configurations at once.
 #pragma once
 
 #include <memory>
@@ -37,6 +38,7 @@ public:
                           LocalTaylor<Dual<double>>& out) const = 0;
     virtual void evaluate(const Placement<HyperDual>& at, const HyperDual* q, Order order,
                           LocalTaylor<HyperDual>& out) const = 0;
+    virtual void evaluate(const Placement<Lanes>& at, const Lanes* q, Order order, LocalTaylor<Lanes>& out) const = 0;
 
     // Of a function of two points' places alone the points, and the function of them; else none.
     virtual std::optional<std::pair<int, int>> points() const { return std::nullopt; }
@@ -61,14 +63,19 @@ public:
                   LocalTaylor<HyperDual>& out) const final {
         static_cast<const Type&>(*this).evaluate_on(at, q, order, out);
     }
+    void evaluate(const Placement<Lanes>& at, const Lanes* q, Order order, LocalTaylor<Lanes>& out) const final {
+        static_cast<const Type&>(*this).evaluate_on(at, q, order, out);
+    }
 };
 
 // Put at the end of the file that defines evaluate_on().
-#define LEASTACTION_ON_ANY_SCALAR(Type)                                                                          \
-    template void Type::evaluate_on(const Placement<double>&, const double*, Order, LocalTaylor<double>&) const; \
-    template void Type::evaluate_on(const Placement<Dual<double>>&, const Dual<double>*, Order,                  \
-                                    LocalTaylor<Dual<double>>&) const;                                           \
-    template void Type::evaluate_on(const Placement<HyperDual>&, const HyperDual*, Order, LocalTaylor<HyperDual>&) const
+#define LEASTACTION_ON_ANY_SCALAR(Type)                                                                            \
+    template void Type::evaluate_on(const Placement<double>&, const double*, Order, LocalTaylor<double>&) const;   \
+    template void Type::evaluate_on(const Placement<Dual<double>>&, const Dual<double>*, Order,                    \
+                                    LocalTaylor<Dual<double>>&) const;                                             \
+    template void Type::evaluate_on(const Placement<HyperDual>&, const HyperDual*, Order, LocalTaylor<HyperDual>&) \
+        const;                                                                                                     \
+    template void Type::evaluate_on(const Placement<Lanes>&, const Lanes*, Order, LocalTaylor<Lanes>&) const
 
 // Evaluates a function, or one after the other, and hands on what it is made of by the variables that it belongs to:
 // sink(i, slope) gets the gradient, sink(i, j, bend) the Hessian. `local` holds the rest, of the last one.
@@ -129,6 +136,7 @@ public:
     virtual void evaluate(const ForcePoint<double>& point, Order order, LocalForce<double>& out) const = 0;
     virtual void evaluate(const ForcePoint<Dual<double>>& point, Order order, LocalForce<Dual<double>>& out) const = 0;
     virtual void evaluate(const ForcePoint<HyperDual>& point, Order order, LocalForce<HyperDual>& out) const = 0;
+    virtual void evaluate(const ForcePoint<Lanes>& point, Order order, LocalForce<Lanes>& out) const = 0;
     // `second` of mu.f.
     virtual void curvature(const ForcePoint<double>& point, const ForceDirections& directions,
                            LocalForce<double>& out) const = 0;
@@ -150,13 +158,17 @@ public:
     void evaluate(const ForcePoint<HyperDual>& point, Order order, LocalForce<HyperDual>& out) const final {
         static_cast<const Type&>(*this).evaluate_on(point, order, out);
     }
+    void evaluate(const ForcePoint<Lanes>& point, Order order, LocalForce<Lanes>& out) const final {
+        static_cast<const Type&>(*this).evaluate_on(point, order, out);
+    }
 };
 
 // Put at the end of the file that defines evaluate_on().
 #define LEASTACTION_FORCE_ON_ANY_SCALAR(Type)                                                                 \
     template void Type::evaluate_on(const ForcePoint<double>&, Order, LocalForce<double>&) const;             \
     template void Type::evaluate_on(const ForcePoint<Dual<double>>&, Order, LocalForce<Dual<double>>&) const; \
-    template void Type::evaluate_on(const ForcePoint<HyperDual>&, Order, LocalForce<HyperDual>&) const
+    template void Type::evaluate_on(const ForcePoint<HyperDual>&, Order, LocalForce<HyperDual>&) const;       \
+    template void Type::evaluate_on(const ForcePoint<Lanes>&, Order, LocalForce<Lanes>&) const
 
 // The same for forces: sink(i, f) alone, or the Jacobians by by_variable(i, j, f_q, f_v) and by_input(i, a, f_u).
 template <class T, class Sink>

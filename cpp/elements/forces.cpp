@@ -107,7 +107,7 @@ void CoordinateForce::evaluate_on(const ForcePoint<T>& point, Order order, Local
     const Workspace<T> room(out.work, n, m, r, false);
     measure(point, order, out);
     T F;
-    double scale = 0;
+    SizeOf<T> scale{};
     magnitude_->evaluate({point.at, room.y, room.size, order, F, room.gradient, room.hessian, scale});
     const auto& along = index_[0];
     const LocalTaylor<T>& s = out.coordinates[0];

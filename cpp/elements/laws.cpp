@@ -80,7 +80,7 @@ void Law::polynomial(const T& x, const T* c, int n, T out[3]) const {
 }
 
 template <class T>
-void Law::evaluate(const Placement<T>& at, const T& x, T out[3]) const {
+void Law::evaluate(const Numbers<T>& at, const T& x, T out[3]) const {
     const auto number = [&](int k) { return at.number(slots_[k]); };
     switch (kind_) {
         case Kind::linear:
@@ -137,8 +137,16 @@ void Law::evaluate(const Placement<T>& at, const T& x, T out[3]) const {
     }
 }
 
-template void Law::evaluate(const Placement<double>&, const double&, double[3]) const;
-template void Law::evaluate(const Placement<Dual<double>>&, const Dual<double>&, Dual<double>[3]) const;
-template void Law::evaluate(const Placement<HyperDual>&, const HyperDual&, HyperDual[3]) const;
+void Law::evaluate(const Numbers<Lanes>& at, const Lanes& x, Lanes out[3]) const {
+    for (int l = 0; l < lane_count; ++l) {
+        double of_lane[3];
+        evaluate(Numbers<double>{at.numbers}, x[l], of_lane);
+        for (int order = 0; order < 3; ++order) out[order].set(l, of_lane[order]);
+    }
+}
+
+template void Law::evaluate(const Numbers<double>&, const double&, double[3]) const;
+template void Law::evaluate(const Numbers<Dual<double>>&, const Dual<double>&, Dual<double>[3]) const;
+template void Law::evaluate(const Numbers<HyperDual>&, const HyperDual&, HyperDual[3]) const;
 
 }  // namespace leastaction

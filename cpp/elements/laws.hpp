@@ -27,7 +27,8 @@ public:
 
     // Value, first and second derivative.
     template <class T>
-    void evaluate(const Placement<T>& at, const T& x, T out[3]) const;
+    void evaluate(const Numbers<T>& at, const T& x, T out[3]) const;
+    void evaluate(const Numbers<Lanes>& at, const Lanes& x, Lanes out[3]) const;  // one lane after the other
 
 private:
     template <class T>
@@ -40,8 +41,8 @@ private:
     std::shared_ptr<const Tape> tape_;
 };
 
-extern template void Law::evaluate(const Placement<double>&, const double&, double[3]) const;
-extern template void Law::evaluate(const Placement<Dual<double>>&, const Dual<double>&, Dual<double>[3]) const;
-extern template void Law::evaluate(const Placement<HyperDual>&, const HyperDual&, HyperDual[3]) const;
+extern template void Law::evaluate(const Numbers<double>&, const double&, double[3]) const;
+extern template void Law::evaluate(const Numbers<Dual<double>>&, const Dual<double>&, Dual<double>[3]) const;
+extern template void Law::evaluate(const Numbers<HyperDual>&, const HyperDual&, HyperDual[3]) const;
 
 }  // namespace leastaction

@@ -10,12 +10,12 @@ namespace leastaction {
 
 template <class T>
 struct LocalCall {
-    const Placement<T>& at;
+    const Numbers<T>& at;
     const T* z;
     int n;  // values in z; gradient (n) and Hessian (n x n, row-major) have room
     Order order;
     T &value, *gradient, *hessian;
-    double&
+    SizeOf<T>&
         scale;  // raised to the size of the terms that cancel in the value, as far as the function knows of any but z
 };
 class LocalFunction {
@@ -24,6 +24,7 @@ public:
     virtual void evaluate(const LocalCall<double>& call) const = 0;
     virtual void evaluate(const LocalCall<Dual<double>>& call) const = 0;
     virtual void evaluate(const LocalCall<HyperDual>& call) const = 0;
+    void evaluate(const LocalCall<Lanes>& call) const;  // one lane after the other
 };
 
 // Lets a function state itself once, as a template on().

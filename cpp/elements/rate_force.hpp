@@ -41,7 +41,7 @@ private:
     template <class T>
     struct Magnitude {
         T F, by_rate, by_input;
-        double second, mixed;  // by the rate twice, and by the rate and the input
+        SizeOf<T> second, mixed;  // by the rate twice, and by the rate and the input
     };
     template <class T>
     Magnitude<T> magnitude(const ForcePoint<T>& point, const T& rate) const;

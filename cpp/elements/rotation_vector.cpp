@@ -75,10 +75,30 @@ RotationVector::RotationVector(int variable, int quaternion, int axis)
 
 template <class T>
 void RotationVector::evaluate_on(const Placement<T>&, const T* q, Order order, LocalTaylor<T>& out) const {
-    const Quaternion<T> start{q[quaternion_], q[quaternion_ + 1], q[quaternion_ + 2], q[quaternion_ + 3]};
+    if constexpr (std::is_same_v<T, Lanes>) {  // one after the other
+        LocalTaylor<double> one;
+        out.gradient.resize(3);
+        out.hessian.resize(9);
+        for (int l = 0; l < lane_count; ++l) {
+            double quaternion[4], theta[3];
+            for (int i = 0; i < 4; ++i) quaternion[i] = q[quaternion_ + i][l];
+            for (int i = 0; i < 3; ++i) theta[i] = q[variable_ + i][l];
+            evaluate_at(quaternion, theta, order, one);
+            out.value.set(l, one.value);
+            out.scale.set(l, one.scale);
+            for (int i = 0; i < 3 && order != Order::value; ++i) out.gradient[i].set(l, one.gradient[i]);
+            for (int i = 0; i < 9 && order == Order::hessian; ++i) out.hessian[i].set(l, one.hessian[i]);
+        }
+    } else {
+        evaluate_at(q + quaternion_, q + variable_, order, out);
+    }
+}
+
+template <class T>
+void RotationVector::evaluate_at(const T* quaternion, const T* theta, Order order, LocalTaylor<T>& out) const {
+    const Quaternion<T> start{quaternion[0], quaternion[1], quaternion[2], quaternion[3]};
     // The rotation whose turns of the given axes are derived.
     const auto derived = [&](bool x, bool y, bool z) {
-        const T* theta = q + variable_;
         return product(product(product(start, turn(theta[0], 0, x)), turn(theta[1], 1, y)), turn(theta[2], 2, z));
     };
     Quaternion<T> p = derived(false, false, false);

@@ -19,6 +19,9 @@ public:
     void evaluate_on(const Placement<T>& at, const T* q, Order order, LocalTaylor<T>& out) const;
 
 private:
+    template <class T>
+    void evaluate_at(const T* quaternion, const T* theta, Order order, LocalTaylor<T>& out) const;
+
     int variable_, quaternion_, axis_;
 };
 

@@ -10,7 +10,7 @@ namespace leastaction {
 // z: the first n inputs, by which gradient (n) and Hessian (n x n) are taken; the numbers of the slots follow them.
 // `scale`: the size of the terms that cancel in the value, where asked for and the order is not that of the value alone.
 template <class T>
-void evaluate_tape(const Tape& tape, const std::vector<int>& slots, const Placement<T>& at, const T* z, int n,
+void evaluate_tape(const Tape& tape, const std::vector<int>& slots, const Numbers<T>& at, const T* z, int n,
                    Order order, T& value, T* gradient, T* hessian, double* scale = nullptr) {
     thread_local TapeWork<T> work;  // grows to what the largest tape needs and stays
     thread_local std::vector<T> inputs;

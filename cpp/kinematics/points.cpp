@@ -129,13 +129,21 @@ template <class T>
 void place(const std::vector<int>& list, const T* q, Placement<T>& out) {
     const std::vector<Joint>& joints = out.joints();
     const int n = static_cast<int>(list.size());
-    for (int i = 0; i < n; ++i) out.angle[i] = value_of(joints[list[i]].coordinate(q));
-    sincos_all(out.angle.data(), out.sine.data(), out.cosine.data(), n);
+    // Those of one configuration side by side; lanes are so by themselves.
+    if constexpr (!std::is_same_v<T, Lanes>) {
+        for (int i = 0; i < n; ++i) out.angle[i] = value_of(joints[list[i]].coordinate(q));
+        sincos_all(out.angle.data(), out.sine.data(), out.cosine.data(), n);
+    }
     for (int i = 0; i < n; ++i) {
         const Joint& joint = joints[list[i]];
         const T x = joint.coordinate(q);
         T s, c;
-        sincos_from(x, out.sine[i], out.cosine[i], s, c);
+        if constexpr (!std::is_same_v<T, Lanes>)
+            sincos_from(x, out.sine[i], out.cosine[i], s, c);
+        else if (joint.axis <= Axis::rz || joint.quaternion >= 0)
+            sincos_of(x, s, c);
+        else
+            s = c = T(0.0);
         place_one(joint, x, s, c, q, list[i], out);
     }
 }
@@ -143,5 +151,6 @@ void place(const std::vector<int>& list, const T* q, Placement<T>& out) {
 template void place(const std::vector<int>&, const double*, Placement<double>&);
 template void place(const std::vector<int>&, const Dual<double>*, Placement<Dual<double>>&);
 template void place(const std::vector<int>&, const HyperDual*, Placement<HyperDual>&);
+template void place(const std::vector<int>&, const Lanes*, Placement<Lanes>&);
 
 }  // namespace leastaction

@@ -7,7 +7,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "numerics/dual.hpp"
+#include "numerics/lanes.hpp"
 #include "numerics/spatial.hpp"
 
 namespace leastaction {
@@ -73,22 +73,34 @@ struct Constants {
     double number(int slot) const { return numbers[slot]; }
 };
 
+// Numbers of the elements, by slot; others may stand for those of the mechanism.
 template <class T>
-class Placement {
+struct Numbers {
+    const double* numbers;
+    const double* number_slopes = nullptr;  // duals only: the direction in their space
+
+    T number(int slot) const {
+        if constexpr (is_dual<T>)
+            return {numbers[slot], number_slopes ? number_slopes[slot] : 0.0};
+        else
+            return numbers[slot];
+    }
+};
+
+template <class T>
+class Placement : public Numbers<T> {
 public:
     std::vector<Pose<T>> pose;                // by joint, after its motion
     std::vector<Motion<T>> twist;             // by joint, world coordinates, at the world origin
     std::vector<double> angle, sine, cosine;  // work space of place()
-    const double* numbers;                    // of the elements; others may stand for those of the mechanism
-    const double* number_slopes = nullptr;    // duals only: the direction in the space of the numbers
 
     explicit Placement(const Constants& constants)
-        : pose(constants.joints.size()),
+        : Numbers<T>{constants.numbers.data()},
+          pose(constants.joints.size()),
           twist(pose.size()),
           angle(pose.size() + 8),
           sine(pose.size() + 8),
           cosine(pose.size() + 8),
-          numbers(constants.numbers.data()),
           constants_(&constants) {}
 
     const std::vector<Joint>& joints() const { return constants_->joints; }
@@ -103,12 +115,6 @@ public:
         if (fixed.joint < 0) return {T(fixed.offset.x), T(fixed.offset.y), T(fixed.offset.z)};
         return pose[fixed.joint].R * fixed.offset;
     }
-    T number(int slot) const {
-        if constexpr (std::is_same_v<T, double>)
-            return numbers[slot];
-        else
-            return {numbers[slot], number_slopes ? number_slopes[slot] : 0.0};
-    }
 
 private:
     const Constants* constants_;
@@ -121,6 +127,7 @@ void place(const std::vector<int>& list, const T* q, Placement<T>& out);
 extern template void place(const std::vector<int>&, const double*, Placement<double>&);
 extern template void place(const std::vector<int>&, const Dual<double>*, Placement<Dual<double>>&);
 extern template void place(const std::vector<int>&, const HyperDual*, Placement<HyperDual>&);
+extern template void place(const std::vector<int>&, const Lanes*, Placement<Lanes>&);
 
 // Reads a twist in the joint's base frame: one of the six primitive axes where it is one, else a screw.
 Axis axis_of(const Motion<double>& twist);

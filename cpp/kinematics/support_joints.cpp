@@ -87,5 +87,6 @@ void SupportJoints::fold_terms(Order order, LocalTaylor<T>& out) const {
 template void SupportJoints::fold_terms(Order, LocalTaylor<double>&) const;
 template void SupportJoints::fold_terms(Order, LocalTaylor<Dual<double>>&) const;
 template void SupportJoints::fold_terms(Order, LocalTaylor<HyperDual>&) const;
+template void SupportJoints::fold_terms(Order, LocalTaylor<Lanes>&) const;
 
 }  // namespace leastaction

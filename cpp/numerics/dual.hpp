@@ -5,6 +5,8 @@
 #pragma once
 
 #include <cmath>
+#include <type_traits>
+#include <utility>
 
 namespace leastaction {
 
@@ -102,5 +104,14 @@ template <class T>
 double value_of(const Dual<T>& x) {
     return value_of(x.v);
 }
+
+template <class T>
+inline constexpr bool is_dual = false;
+template <class T>
+inline constexpr bool is_dual<Dual<T>> = true;
+
+// What sizes of a scalar are: a plain number, or one for each lane (lanes.hpp).
+template <class T>
+using SizeOf = std::remove_cvref_t<decltype(value_of(std::declval<const T&>()))>;
 
 }  // namespace leastaction

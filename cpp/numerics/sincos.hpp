@@ -13,12 +13,13 @@ namespace leastaction {
 
 constexpr int sincos_lanes = 8;
 
-inline void sincos_wide(const double* x, double* sine, double* cosine) {
+template <int lanes>
+void sincos_wide(const double* x, double* sine, double* cosine) {
     constexpr double two_over_pi = 0.63661977236758134308;
     constexpr double part1 = 1.57079632673412561417e+00, part2 = 6.07710050630396597660e-11,
                      part3 = 2.02226624879595063154e-21;
     constexpr double round_to_integer = 6755399441055744.0;  // 1.5 * 2^52: adding it rounds to an integer
-    for (int l = 0; l < sincos_lanes; ++l) {
+    for (int l = 0; l < lanes; ++l) {
         const double shifted = x[l] * two_over_pi + round_to_integer;
         const double n = shifted - round_to_integer;
         const std::int64_t quadrant = std::bit_cast<std::int64_t>(shifted);
@@ -46,10 +47,11 @@ inline void sincos_wide(const double* x, double* sine, double* cosine) {
     }
 }
 
-// n angles; the arrays hold whole lanes (a multiple of eight), and x is finite beyond n.
-inline void sincos_all(const double* x, double* sine, double* cosine, int n) {
+// n angles; the arrays hold whole lanes (a multiple of their number), and x is finite beyond n.
+template <int lanes = sincos_lanes>
+void sincos_all(const double* x, double* sine, double* cosine, int n) {
     constexpr double far = 1e5;
-    for (int i = 0; i < n; i += sincos_lanes) sincos_wide(x + i, sine + i, cosine + i);
+    for (int i = 0; i < n; i += lanes) sincos_wide<lanes>(x + i, sine + i, cosine + i);
     for (int i = 0; i < n; ++i) {
         if (std::abs(x[i]) < far) continue;  // also takes NaN to the library, which passes it on
         sine[i] = std::sin(x[i]);

@@ -3,6 +3,8 @@
 
 #include <vector>
 
+#include "numerics/lanes.hpp"
+
 namespace leastaction {
 
 enum class Order { value, gradient, hessian };
@@ -11,7 +13,7 @@ enum class Order { value, gradient, hessian };
 template <class T>
 struct LocalTaylor {
     T value{};
-    double scale = 0;  // size of the terms that cancel in the value, for relative tolerances
+    SizeOf<T> scale{};  // size of the terms that cancel in the value, for relative tolerances
     std::vector<T> gradient;
     std::vector<T> hessian;
     std::vector<T> work, by_joint;   // room that evaluations need

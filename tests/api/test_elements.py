@@ -405,7 +405,7 @@ def test_they_all_fit_in_one_mechanism_with_finite_numbers_and_named_parameters(
         numbers = [
             field
             for field in ("stiffness", "rest", "coefficient", "strength", "offset", "gain", "speed")
-            if hasattr(element, field)
+            if getattr(element, field, None) is not None
         ]
         assert {f"{name}.{field}" for field in numbers} <= set(values)
 

@@ -8,6 +8,8 @@ import pytest
 from leastaction import MechanismSystem, MidpointSystem, MidpointVI
 from leastaction.control import bridge
 from leastaction.control.bridge.derivatives import BatchedSystem
+from leastaction.control.bridge.optimal_motion import OptimalMotion
+from leastaction.costs import tracking
 from leastaction.errors import ArgumentError, MissingExtraError
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.numerics.differences import central_differences
@@ -60,6 +62,80 @@ def test_jax_differentiates_motions_twice_and_maps_over_them():
     np.testing.assert_allclose(product, difference, atol=1e-7)
     many = jax.vmap(states)(np.stack([X0, 2 * X0, -X0]), np.stack([U, U, U]))
     np.testing.assert_array_equal(many[1], states(2 * X0, U))
+
+
+@pytest.fixture(scope="module")
+def swing():
+    """Return a cart-pendulum of 20 steps, a cost that is no quadratic form, and where it begins."""
+    system = MidpointSystem(MidpointVI(cart_pendulum(), threads=1), np.linspace(0.0, 1.0, 21))
+    cost = tracking(system, {"theta": 5.0, "x": 1.0, "*.v": 0.2}, {"theta": 1.0}, effort=0.1, final={"theta": 20.0})
+    return system, cost, np.array([0.1, -0.4, 0.0, 0.3])
+
+
+def test_an_optimum_follows_where_it_begins_and_parameters(swing):
+    system, cost, x0 = swing
+    names = ("bob.mass", "final time")  # one by exact second derivatives, the other by differences of first ones
+    motion = OptimalMotion(system, cost, names, None, {})
+    at = np.array([1.2, 1.1])
+    x, u = motion.solve(x0, at)
+    dx, du, dJ = motion.slopes(x, u, at)
+    h = 1e-5
+    for j in range(6):
+        moved = [np.concatenate([x0, at]) + sign * h * np.eye(6)[j] for sign in (1.0, -1.0)]
+        (x1, u1), (x2, u2) = (motion.solve(z[:4], z[4:]) for z in moved)
+        np.testing.assert_allclose(dx[:, :, j], (x1 - x2) / (2 * h), atol=2e-5 * np.abs(dx[:, :, j]).max())
+        np.testing.assert_allclose(du[:, :, j], (u1 - u2) / (2 * h), atol=2e-5 * np.abs(du[:, :, j]).max())
+        by = (cost.value(x1, u1) - cost.value(x2, u2)) / (2 * h)
+        assert dJ[j] == pytest.approx(by, rel=1e-5, abs=1e-6)
+
+
+def test_jax_differentiates_through_a_whole_optimisation(swing):
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    from leastaction.control.bridge.jax import optimum
+
+    system, cost, x0 = swing
+    best = optimum(system, cost, parameters=["bob.mass"])
+    mass = np.array([1.2])
+
+    def reached(x0, mass):
+        found = best(x0, mass)
+        return found.cost + found.x[-1, 1] ** 2 + 0.1 * found.u.sum()
+
+    by_x0, by_mass = jax.jit(jax.grad(reached, argnums=(0, 1)))(x0, mass)
+    h = 1e-4
+    for j in range(4):
+        step = h * np.eye(4)[j]
+        difference = (reached(x0 + step, mass) - reached(x0 - step, mass)) / (2 * h)
+        assert float(by_x0[j]) == pytest.approx(float(difference), rel=1e-4, abs=1e-5)
+    difference = (reached(x0, mass + h) - reached(x0, mass - h)) / (2 * h)
+    assert float(by_mass[0]) == pytest.approx(float(difference), rel=1e-4)
+    many = jax.vmap(best, in_axes=(0, None))(np.stack([x0, 0.5 * x0]), mass)
+    np.testing.assert_array_equal(many.u[1], best(0.5 * x0, mass).u)
+    assert optimum(system, cost)(x0).x.shape == (21, 4)
+    with pytest.raises(ArgumentError, match=r"unknown parameter 'bob\.mas'; did you mean 'bob\.mass'"):
+        optimum(system, cost, parameters=["bob.mas"])
+
+
+def test_jax_differentiates_motions_by_parameters():
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    from leastaction.control.bridge.jax import roll_out
+
+    states = roll_out(SYSTEM, parameters=["bob.mass", "final time"])
+
+    def loss(x0, u, values):
+        return (W * states(x0, u, values)).sum()
+
+    at = (X0, U, np.array([1.3, 0.4]))
+    gradients = jax.jit(jax.grad(loss, argnums=(0, 1, 2)))(*at)
+    h = 1e-6
+    for i, gradient in enumerate(gradients):
+        d = np.random.default_rng(i).standard_normal(np.shape(at[i]))
+        sides = [loss(*(a + sign * h * d if j == i else a for j, a in enumerate(at))) for sign in (1.0, -1.0)]
+        assert float((gradient * d).sum()) == pytest.approx(float(sides[0] - sides[1]) / (2 * h), rel=1e-6)
+    one, _ = jax.vmap(states, in_axes=(None, None, 0))(X0, U, np.array([[1.3, 0.4], [1.0, 0.3]]))
+    np.testing.assert_array_equal(one, states(*at))
 
 
 def test_torch_has_the_gradient_of_motions():

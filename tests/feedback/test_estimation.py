@@ -10,6 +10,7 @@ from leastaction import Damping, Gravity, JointForce, Mechanism, MidpointSystem,
 from leastaction.control import KalmanFilter, lqe, lqr
 from leastaction.errors import ArgumentError
 from leastaction.models.four_bars import at_angle, four_bars
+from leastaction.models.marionette import marionette, rest_pose
 from leastaction.optimal import LinearSystem
 
 
@@ -161,6 +162,54 @@ def test_constraints_are_kept_and_the_covariance_is_tangent():
     normal = m.constraint_jacobian(np.ascontiguousarray(estimate.x[-1][: m.nq]))
     assert np.abs(normal @ estimate.P[-1][: m.nq]).max() < 1e-6 * np.abs(estimate.P[-1]).max() + 1e-9
     assert np.abs(estimate.x[-1] - x[-1])[: m.nq].max() < 5e-3
+
+
+MARKERS = [
+    "head_center",
+    "lhand",
+    "rhand",
+    "lfoot_end",
+    "rfoot_end",
+    "lfemur_end",
+    "rfemur_end",
+    "lhumerus_end",
+    "pelvis",
+]
+
+
+def test_a_marionette_seen_by_markers_is_consistent():
+    """Hung on its six strings, knocked about by chance, and seen as a capture sees it: places of markers, to 2 mm."""
+    m, N, noise, chance = marionette(), 40, 2e-3, 2e-4
+    system = MidpointSystem(MidpointVI(m, threads=1), 0.01 * np.arange(N + 1))
+    rng = np.random.default_rng(11)
+    start = system.integrator.start(rest_pose(m)).x
+    rho = slice(m.nd, m.nq)
+    wave = 0.03 * np.sin(6.0 * system.t[1:])[:, None] * rng.uniform(-1.0, 1.0, m.nrho)
+    u = start[rho] + wave
+
+    def markers(x: np.ndarray) -> np.ndarray:
+        return m.positions(np.ascontiguousarray(x[: m.nq]), MARKERS).ravel()
+
+    def knocked(x: np.ndarray, deviations: np.ndarray) -> np.ndarray:
+        Z = np.linalg.qr(system.start_directions(x, None))[0]
+        return system.moved_start(x, Z @ (Z.T @ (deviations * rng.standard_normal(m.nx))))
+
+    momenta = np.repeat([0.0, chance, 0.0], [m.nq, m.nd, m.nrho])
+    at_first = np.repeat([0.03, 0.0, 2e-3, 0.0], [m.nd, m.nrho, m.nd, m.nrho])
+    x, y = [start], [markers(start)]
+    for row in u:
+        x.append(knocked(np.array(system.f(x[-1], row, 0)), momenta))
+        y.append(markers(x[-1]))
+    readings = np.array(y) + noise * rng.standard_normal((N + 1, 3 * len(MARKERS)))
+    kalman = KalmanFilter(
+        system, measure=markers, noise=noise, process=momenta, x=knocked(start, at_first), spread=at_first
+    )
+    estimate = kalman.run(readings, u)
+    low, high = chi2.ppf([1e-3, 1.0 - 1e-3], readings.size) / (N + 1)
+    assert low < estimate.surprise.mean() < high
+    assert max(np.abs(m.constraint_values(state[: m.nq])).max() for state in estimate.x) < 1e-9
+    off = np.abs(np.array([markers(state) for state in estimate.x]) - y)
+    assert off[20:].mean() < 0.6 * noise  # better than what is read: the dynamics know more
 
 
 def test_what_is_wrong_is_said():

@@ -11,6 +11,9 @@ from leastaction import MidpointVI, QuadraticCost, optimize
 from leastaction.control import Failed, optimize_many, simulate_many, sweep
 from leastaction.errors import ArgumentError, SweepError
 from leastaction.models.cart_pendulum import cart_pendulum
+from leastaction.models.chain import pendulum_chain
+from leastaction.models.four_bars import at_angle, four_bars
+from leastaction.models.marionette import marionette, rest_pose
 from leastaction.optimal import LinearSystem
 
 T = np.linspace(0.0, 0.5, 51)
@@ -31,7 +34,68 @@ def test_many_are_bit_for_bit_what_each_is_alone():
     alone = MidpointVI(cart_pendulum(bob_mass=float(mass[4])))
     start = alone.start(x0[4, :2], p=x0[4, 2:])
     run = alone.simulate(start, T, inputs=u[4])
-    np.testing.assert_array_equal(many.x[4, :, :2], run.q)
+    np.testing.assert_allclose(many.x[4, :, :2], run.q, rtol=1e-11, atol=1e-11)
+
+
+@pytest.fixture(scope="module", params=["cart-pole", "four bars", "marionette", "chain of 14"])
+def many_starts(request):
+    """Return an integrator with a time step, and starts and inputs of many motions: some of the way is not straight."""
+    rng, B, N = np.random.default_rng(3), 21, 40
+    if request.param == "cart-pole":
+        vi, dt = MidpointVI(cart_pendulum()), 0.01
+        x0, u = rng.standard_normal((B, 4)), 20.0 * rng.standard_normal((B, N, 1))
+        x0[::5, 3] = 40.0  # far turns, whose roots have to be followed
+    elif request.param == "four bars":
+        m = four_bars(2)
+        vi, dt, u = MidpointVI(m), 0.005, np.zeros((B, N, 0))
+        x0 = np.array([vi.start(*at_angle(m, angle, 1.0)).x for angle in rng.uniform(0.2, 2.9, B)])
+    elif request.param == "marionette":
+        m = marionette()
+        vi, dt = MidpointVI(m), 0.01
+        start = vi.start(rest_pose(m)).x
+        x0 = np.tile(start, (B, 1))
+        x0[:, m.nq : m.nq + m.nd] += 1e-3 * rng.standard_normal((B, m.nd))
+        wave = 0.02 * np.sin(0.3 * np.arange(1, N + 1))[:, None] * rng.standard_normal((B, 1, m.nrho))
+        u = np.concatenate([np.zeros((B, N, m.n_inputs)), start[m.nd : m.nq] + wave], axis=2)
+    else:
+        m = pendulum_chain(14)
+        vi, dt, u = MidpointVI(m), 0.01, np.zeros((B, N, m.n_inputs + m.nrho))
+        x0 = np.concatenate([rng.standard_normal((B, m.nq)), np.zeros((B, m.nq))], axis=1)
+    return vi, dt * np.arange(N + 1), x0, u
+
+
+def test_company_order_and_threads_leave_no_trace(many_starts):
+    vi, t, x0, u = many_starts
+    many = simulate_many(vi, x0, t, u, threads=1)
+    assert many.complete
+    for i in (0, 3, 10, 20):
+        alone = simulate_many(vi, x0[i : i + 1], t, u[i : i + 1])
+        np.testing.assert_array_equal(alone.x[0], many.x[i])
+        np.testing.assert_array_equal(alone.lam[0], many.lam[i])
+    order = np.random.default_rng(0).permutation(len(x0))[:13]
+    some = simulate_many(vi, x0[order], t, u[order], threads=2)
+    np.testing.assert_array_equal(some.x, many.x[order])
+
+
+def test_side_by_side_they_go_where_each_goes_alone(many_starts):
+    vi, t, x0, u = many_starts
+    many = simulate_many(vi, x0, t, u)
+    for i in (0, 5, 20):
+        run = vi.core.roll_out(t, x0[i], None, u[i], None)
+        scale = np.abs(run.x).max(axis=0) + 1e-3
+        np.testing.assert_allclose(many.x[i] / scale, run.x / scale, atol=1e-9)
+        np.testing.assert_allclose(many.lam[i], run.lam, atol=1e-8 * np.abs(run.lam).max(initial=1e-9))
+
+
+def test_a_neighbour_that_fails_leaves_no_trace():
+    vi, t = MidpointVI(cart_pendulum()), np.linspace(0.0, 0.5, 51)
+    x0 = np.random.default_rng(1).standard_normal((8, 4))
+    sound = simulate_many(vi, x0, t)
+    x0[[2, 5], 3] = 1e7, 1e9
+    many = simulate_many(vi, x0, t)
+    assert list(many.failures) == [2, 5]
+    kept = [0, 1, 3, 4, 6, 7]
+    np.testing.assert_array_equal(many.x[kept], sound.x[kept])
 
 
 def test_one_that_fails_says_so_and_stops_nobody():
@@ -120,3 +184,32 @@ def test_optima_of_many_starts_are_those_of_each():
         np.testing.assert_array_equal(result.u, optimize(system, cost, initial=start).u)
     with pytest.raises(ArgumentError, match="system: got int"):
         optimize_many(3, cost, starts)
+
+
+def test_on_a_cluster_of_dask_it_is_the_same_and_goes_on_where_it_was(tmp_path):
+    distributed = pytest.importorskip("dask.distributed", reason="Dask is not installed")
+    joblib = pytest.importorskip("joblib")
+    system = LinearSystem([[1.0, 0.1], [0.0, 1.0]], [[0.0], [0.1]], N=20)
+    cost = QuadraticCost(np.zeros((21, 2)), np.zeros((20, 1)), Q=[1.0, 0.1], R=[0.1])
+    starts = [(np.array([a, 0.0]), np.zeros((20, 1))) for a in (1.0, 2.0, 3.0, 4.0)]
+
+    class Ended(Exception):
+        pass
+
+    def until_two(done: int, whole: int) -> None:
+        if done == 2:
+            raise Ended
+
+    here = optimize_many(system, cost, starts, workers=1)
+    cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
+    with cluster, distributed.Client(cluster), joblib.parallel_config(backend="dask"):
+        with pytest.raises(Ended):
+            optimize_many(system, cost, starts, keep=tmp_path, progress=until_two)
+        assert len(list(tmp_path.glob("*.pickle"))) == 2
+        counts = []
+        there = optimize_many(system, cost, starts, keep=tmp_path, progress=lambda done, _: counts.append(done))
+        assert counts == [2, 3, 4]
+        assert sweep(squared, [1.0, -1.0], workers=2) == [1.0, Failed("ArgumentError: no root")]
+    for one, other in zip(here, there, strict=True):
+        np.testing.assert_array_equal(one.x, other.x)
+        np.testing.assert_array_equal(one.u, other.u)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gc
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -178,3 +181,38 @@ def test_a_marionette_is_held_by_strings_that_pull():
         x = system.f(x, u, 0)
         x[m.nq : m.nq + m.nd] += 1e-5 * rng.standard_normal(m.nd)
     assert np.abs(x[: m.nd] - begin[: m.nd]).max() < 0.05
+
+
+def called(mpc: MPC, x: np.ndarray, first: int, count: int) -> np.ndarray:
+    """Call a controller so many times from an instant on, with chance; return where that leads to."""
+    rng = np.random.default_rng(first)
+    for k in range(first, first + count):
+        x = mpc.whole.f(x, mpc(x, k * DT), 0) + 0.01 * rng.standard_normal(4)
+    return x
+
+
+@pytest.mark.parametrize("bounded", [True, False])
+def test_nothing_that_a_call_makes_stays(bounded):
+    """After the first calls, the memory that Python knows of is the same after hundreds more, whatever the horizon."""
+    grown, most = [], []
+    system, cost = balanced()
+    held = QuadraticCost(cost.x_wanted[-1], cost.u_wanted[-1], Q=cost.Q, R=cost.R)
+    limits = [Bound("x-force", -40.0, 40.0), Bound("x", -0.5, 0.5)] if bounded else []
+    for horizon in (10, N):
+        mpc = MPC(system.window(0, horizon), held, limits)
+        x = called(mpc, np.array([0.0, np.pi - 0.1, 0.0, 0.0]), 0, 30)
+        gc.collect()
+        tracemalloc.start()
+        x = called(mpc, x, 30, 10)
+        gc.collect()
+        tracemalloc.reset_peak()
+        before = tracemalloc.get_traced_memory()[0]
+        x = called(mpc, x, 40, 200)
+        most.append(tracemalloc.get_traced_memory()[1] - before)
+        gc.collect()
+        grown.append(tracemalloc.get_traced_memory()[0] - before)
+        tracemalloc.stop()
+    assert max(grown) < 2000  # bytes, of 200 calls: small objects come and go
+    # What is on the way grows with the horizon as motions do, of which it is some: there are no matrices in it.
+    motion = 8 * (N - 10) * (4 + 1)
+    assert most[1] - most[0] < 20 * motion

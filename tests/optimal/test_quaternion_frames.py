@@ -25,6 +25,7 @@ from leastaction.limits import Ball, Bound, Keep, Oriented, Pointing
 from leastaction.numerics import rotations
 from leastaction.numerics.differences import fourth_order
 from leastaction.optimal import check_derivatives
+from leastaction.optimal.cost import deviations
 from leastaction.optimal.quantity import Samples
 
 BODY = {"mass": 0.5, "inertia": (2e-3, 3e-3, 4e-3), "com": (0.02, 0.0, 0.05)}
@@ -179,6 +180,21 @@ def test_prices_keep_to_their_derivatives(multipliers: bool) -> None:
     assert run.failure is None
     report = check_derivatives(of, run.x, run.u, cost=cost)
     assert report.ok, report
+
+
+@pytest.mark.parametrize("diagonal", [True, False])
+def test_half_squares_of_differences_are_derived_where_states_curve(diagonal: bool) -> None:
+    space = SYSTEM.space
+    assert space is not None
+    x = states(3)
+    y = SYSTEM.plus(x, 0.4 * RNG.standard_normal((3, SYSTEM.ndx)))
+    W = np.diag(RNG.uniform(0.5, 1.0, SYSTEM.ndx)) if diagonal else np.cov(RNG.standard_normal((SYSTEM.ndx, 99)))
+    found = deviations(space, np.diag(W) if diagonal else W, y, x)
+    J, off = space.difference_derivative(y, x), space.difference(y, x)
+    assert np.abs(J - np.eye(SYSTEM.ndx)).max() > 0.1
+    np.testing.assert_allclose(found.gradient, np.einsum("kij,ki->kj", J, off @ W), atol=1e-13)
+    np.testing.assert_allclose(found.squares, J.swapaxes(1, 2) @ W @ J, atol=1e-13)
+    assert space.curved.sum() == 6
 
 
 def test_what_is_no_cone_is_told() -> None:

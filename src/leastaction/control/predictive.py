@@ -106,7 +106,7 @@ class MPC:
     info : PredictiveInfo
         What the last call did.
     x, u, K : ndarray (horizon+1, nx), (horizon, nu), (horizon, nu, ndx)
-        Its plan, and the gains along it.
+        Its plan, and the gains along it; the next call writes over them.
 
     Raises
     ------
@@ -314,13 +314,14 @@ class MPC:
             gradient = cost.gradient(x, u)
             c = limited.asked(x, u)
             hessian = cost.model_hessian(x, u, convex=True)
-            model = WindowModel(x, u, c, limited.jacobians(x, u), linear, gradient, hessian)
+            model = WindowModel(c, limited.jacobians(x, u), linear, gradient, hessian)
             found = program.solve(model, tolerance=self.tolerance, most=_MOST)
         except LeastActionError as error:
             return f"no plan from here: {error}"
         if found is None or not np.isfinite(found.du).all():
             return "the quadratic problem along the motion from here has no minimum"
-        self.x, self.u, self.K = system.plus(x, found.dx), u + found.du, found.K.copy()
+        self.x[:], self.K[:] = system.plus(x, found.dx), found.K
+        np.add(u, found.du, out=self.u)
         return found.excess, cost.value(x, u), found.iterations
 
     def _violation(self, x: Array, u: Array) -> float:

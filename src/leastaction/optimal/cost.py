@@ -156,6 +156,13 @@ class Deviations(NamedTuple):
 def deviations(space: StateSpace, weight: Array, x: Array, wanted: Array) -> Deviations:
     """Return them for states x (n, nx) and a weight as of `weigh`."""
     pull = weigh(weight, space.difference(x, wanted))
-    J = space.difference_derivative(x, wanted)
-    squares = np.swapaxes(J, -1, -2) @ (matrix_of(weight) @ J)
-    return Deviations(np.einsum("kij,ki->kj", J, pull), squares, space.difference_curvature(x, wanted, pull))
+    squares = own_matrices(matrix_of(weight), (len(x), space.ndx, space.ndx))
+    bend, gradient = space.difference_curvature(x, wanted, pull), pull.copy()
+    curved = np.flatnonzero(space.curved)
+    if len(curved):
+        # Elsewhere the derivative is the identity.
+        J = space.difference_derivative(x, wanted)[:, curved[:, None], curved]
+        squares[:, :, curved] = squares[:, :, curved] @ J
+        squares[:, curved] = np.swapaxes(J, 1, 2) @ squares[:, curved]
+        gradient[:, curved] = (pull[:, None, curved] @ J)[:, 0]
+    return Deviations(gradient, squares, bend)

@@ -27,7 +27,7 @@ from leastaction.numerics.arrays import Array, as_count
 from leastaction.numerics.differences import fourth_order
 from leastaction.numerics.public import public
 
-Pattern = npt.NDArray[np.bool_]
+Flags = Pattern = npt.NDArray[np.bool_]
 
 _STEP, _SECOND = 1e-3, 1e-2  # by which charts are moved for first and second differences of fourth order
 _UNIT = 1e-6  # by which the length of a unit quaternion may be off
@@ -88,6 +88,14 @@ class StateSpace(ABC):
         """Which entries (nx, ndx) of a state a direction may move: all of them, if nothing else is known."""
         return np.ones((self.nx, self.ndx), dtype=np.bool_)
 
+    @property
+    def curved(self) -> Flags:
+        """In which directions (ndx,) states are more than subtracted and added: all, if nothing else is known.
+
+        By and of the others derivatives of differences are those of plain vectors.
+        """
+        return np.ones(self.ndx, dtype=np.bool_)
+
     def check(self, x: Array, what: str) -> None:  # noqa: B027 - any numbers may do
         """Raise an `ArgumentError` for states (..., nx) that are none of the space; `what` they are, in messages."""
 
@@ -126,6 +134,10 @@ class Vectors(StateSpace):
     @property
     def pattern(self) -> Pattern:
         return np.eye(self.nx, dtype=np.bool_)
+
+    @property
+    def curved(self) -> Flags:
+        return np.zeros(self.ndx, dtype=np.bool_)
 
 
 @public
@@ -244,6 +256,10 @@ class ProductSpace(StateSpace):
         for part, at, by in zip(self.parts, self._at, self._moved, strict=True):
             whole[at, by] = part.pattern
         return whole
+
+    @property
+    def curved(self) -> Flags:
+        return np.concatenate([part.curved for part in self.parts])
 
     def check(self, x: Array, what: str) -> None:
         for part, at in self._each():

@@ -12,8 +12,10 @@ from leastaction.mechanics.mechanism.turns import differences
 from leastaction.numerics.arrays import Array, as_number
 from leastaction.numerics.names import matching
 from leastaction.optimal.discrete.cost import Cost, QuadraticCost
+from leastaction.systems.costs.orientations import OrientationCost
 from leastaction.systems.costs.places import PlaceCost
 from leastaction.systems.costs.smooth import SmoothCost
+from leastaction.systems.following.kinds import Kind, kind_of, quaternion_of, turns_of
 from leastaction.systems.midpoint import MidpointSystem
 
 # Weights of what none is given for: of what is wanted, prescribed variables and their places to come, their
@@ -34,7 +36,8 @@ def following_cost(
     """
     m = system.mechanism
     # Where frames are wanted, so is the pose that reaches them, a little: what they leave open is not left to wander.
-    reached = any(values.ndim == 2 for values in wanted.values())
+    kinds = {name: kind_of(values) for name, values in wanted.items()}
+    reached = any(kind in (Kind.PLACE, Kind.ORIENTATION) for kind in kinds.values())
     value = {name: _PLACE if name in m.kinematic else _POSE * reached for name in m.variables}
     value |= dict.fromkeys(_taken_along(m, x, wanted), 0.0)
     value |= dict.fromkeys(m.inputs, _INPUT) | dict.fromkeys(wanted, _WANTED)
@@ -48,12 +51,16 @@ def following_cost(
         value |= dict.fromkeys(chosen, as_number(weight, f"weights: {pattern!r}", least=0.0))
     goal, counts = x.copy(), np.ones((len(x), system.ndx))
     for name, values in wanted.items():
-        if values.ndim == 1:
+        if kinds[name] is Kind.TURN:
+            goal[:, quaternion_of(m, name)] = values
+        if kinds[name] is Kind.VALUE:
             place, left_out = m.coordinates.index(name), np.isnan(values)
             goal[:, place] = np.where(left_out, x[:, place], values)
             counts[left_out, m.variables.index(name)] = 0.0
     Q = np.zeros(system.ndx)
-    Q[: m.nv] = [value[name] if wanted.get(name, x[0]).ndim == 1 else 0.0 for name in m.variables]
+    Q[: m.nv] = [value[name] if kinds.get(name, Kind.VALUE) is Kind.VALUE else 0.0 for name in m.variables]
+    for name in [name for name, kind in kinds.items() if kind is Kind.TURN]:
+        Q[turns_of(m, name)] = value[name]
     Q[m.nv : m.nv + m.nd] = [value[f"momentum of {name}"] for name in m.dynamic]
     # Of places to come a little is weighed too, as every input has to be.
     R = np.concatenate([[value[name] for name in m.inputs], np.full(m.nrho, _NEXT)])
@@ -61,9 +68,12 @@ def following_cost(
         raise ArgumentError(f"weights: input {m.inputs[int(np.argmin(R))]!r} has none, expected a positive one")
     each = Q if counts.all() else (Q * counts[:-1])[:, :, None]  # a diagonal per stage
     cost: Cost = QuadraticCost(goal, u, Q=each, R=R, Q_final=Q * counts[-1], space=system)
-    places = {name: values for name, values in wanted.items() if values.ndim == 2}
+    places = {name: values for name, values in wanted.items() if kinds[name] is Kind.PLACE}
     if places:
         cost = PlaceCost(cost, system, places, {name: value[name] for name in places})
+    orientations = {name: values for name, values in wanted.items() if kinds[name] is Kind.ORIENTATION}
+    if orientations:
+        cost = OrientationCost(cost, system, orientations, {name: value[name] for name in orientations})
     if m.nrho:
         cost = SmoothCost(cost, system, {name: value[f"acceleration of {name}"] for name in m.kinematic})
     return cost
@@ -77,6 +87,7 @@ def _taken_along(m: Mechanism, x: Array, wanted: Mapping[str, Array]) -> list[st
     for at in q[:: max(1, len(q) // _LOOKS)]:
         held |= m.constraint_jacobian(at)[:, : m.nd].any(axis=0)
         for name, values in wanted.items():
-            if values.ndim == 2:
-                leads |= m.frame_jacobian(at, name)[:3, : m.nd].any(axis=0)
+            if kind_of(values) in (Kind.PLACE, Kind.ORIENTATION):
+                rows = slice(3) if kind_of(values) is Kind.PLACE else slice(3, 6)
+                leads |= m.frame_jacobian(at, name)[rows, : m.nd].any(axis=0)
     return [m.dynamic[i] for i in np.flatnonzero(moves & held & ~leads)]

@@ -11,8 +11,10 @@ from leastaction.mechanics.continuous.legendre import to_momentum
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.turns import differences, middles, moved_by, rates_along
+from leastaction.numerics import rotations
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Instants
+from leastaction.systems.following.kinds import Kind, kind_of, quaternion_of, turns_of
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.warm_starts import configurations_onto_constraints, velocities_onto_constraints
 
@@ -22,7 +24,7 @@ _STEPS, _CLOSE, _THERE, _NEARER, _DAMPING = 100, 1e-8, 1e-7, 1e-3, 1e-6
 
 
 def through(t: Array, values: Array) -> Array:
-    """Return values (N+1,) or (N+1, n), smooth curves through the known in the place of NaN where anything is known."""
+    """Return values (N+1, ...), smooth curves through the known in the place of NaN where anything is known."""
     from scipy.interpolate import PchipInterpolator  # slow to import, and not needed by most
 
     columns = values.reshape(len(t), -1).copy()
@@ -42,9 +44,13 @@ def wanted_curve(system: MidpointSystem, wanted: Mapping[str, Array], start: Sta
     known = np.zeros(m.nv, dtype=np.bool_)
     places = {}
     for name, values in wanted.items():
-        if values.ndim == 1:
+        kind = kind_of(values)
+        if kind is Kind.VALUE:
             known[m.variables.index(name)] = True
             q[:, m.coordinates.index(name)] = values
+        elif kind is Kind.TURN:
+            known[turns_of(m, name)] = True
+            q[:, quaternion_of(m, name)] = values
         else:
             places[name] = values
     free = np.flatnonzero(~known[: m.nd])
@@ -99,21 +105,30 @@ def with_inputs(system: MidpointSystem, x: Array, u: Array) -> Array:
     return result
 
 
-def _reach(m: Mechanism, q: Array, free: Instants, places: Mapping[str, Array]) -> None:
-    """Move variables of a configuration, in place, until frames are as near to their places as they come.
+def _reach(m: Mechanism, q: Array, free: Instants, wanted: Mapping[str, Array]) -> None:
+    """Move variables of a configuration, in place, until frames are as near to their places and turned as they come.
 
-    A coordinate of a place may be NaN: it is as good anywhere.
+    A coordinate of a place may be NaN: it is as good anywhere. ``wanted``: places (3,) and rotations (3, 3).
     """
-    names = list(places)
-    goal = np.concatenate([places[name] for name in names])
+    goal = np.concatenate([values if values.ndim == 1 else np.zeros(3) for values in wanted.values()])
     matters = ~np.isnan(goal)
 
     def away(q: Array) -> Array:
-        return np.asarray((m.positions(q, names).ravel() - goal)[matters])
+        off = [
+            m.positions(q, [name])[0] - values if values.ndim == 1 else _turned_off(m, q, name, values)
+            for name, values in wanted.items()
+        ]
+        return np.concatenate(off)[matters]
+
+    def moving(q: Array, name: str, values: Array) -> Array:
+        J = m.frame_jacobian(q, name, axes="world" if values.ndim == 1 else "frame")[:, free]
+        if values.ndim == 1:
+            return np.asarray(J[:3])
+        return np.asarray(rotations.logarithm_derivative(_turned_off(m, q, name, values)) @ J[3:])
 
     damping, off = _DAMPING, away(q)
     for _ in range(_STEPS):
-        J = np.vstack([m.frame_jacobian(q, name)[:3, free] for name in names])[matters]
+        J = np.vstack([moving(q, name, values) for name, values in wanted.items()])[matters]
         step = np.linalg.solve(J.T @ J + damping * np.eye(len(free)), -J.T @ off)
         if np.abs(step).max() < _CLOSE:
             return
@@ -129,3 +144,8 @@ def _reach(m: Mechanism, q: Array, free: Instants, places: Mapping[str, Array]) 
                 return
         else:
             damping *= 10.0
+
+
+def _turned_off(m: Mechanism, q: Array, name: str, wanted: Array) -> Array:
+    """Return the rotation (3,) that is missing of a frame, in its own axes."""
+    return rotations.logarithm(rotations.of_matrix(wanted.T @ m.frame_pose(q, name)[:3, :3]))

@@ -15,6 +15,7 @@ from leastaction.errors import ArgumentError, LeastActionError, closest
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import State, Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics import rotations
 from leastaction.numerics.arrays import (
     Array,
     as_array,
@@ -29,10 +30,13 @@ from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.optimizer import optimized
 from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.space import Rotations
 from leastaction.systems.following.cost import following_cost
 from leastaction.systems.following.curves import held_still, through, wanted_curve, with_inputs
+from leastaction.systems.following.kinds import Kind, kind_of, quaternion_of
 from leastaction.systems.following.ways import Ways
 from leastaction.systems.midpoint import MidpointSystem
+from leastaction.systems.orientations import quaternions_of
 
 _ROWS = "one row for each time"
 
@@ -64,7 +68,8 @@ class Followed(Frozen):
     system : MidpointSystem
         Of the mechanism over the times of the motion, with multipliers in its state where it has constraints.
     wanted : mapping of str to ndarray
-        What was wanted: (N+1,) of variables, (N+1, 3) of frames; NaN where nothing was.
+        What was wanted: (N+1,) of variables, (N+1, 4) of joints that turn as quaternions, (N+1, 3) or (N+1, 3, 3) of
+        frames; NaN where nothing was.
     result : OptimizationResult
         Of `optimize`: states, inputs, gains, limits, and how it ended.
     way : str
@@ -106,10 +111,17 @@ class Followed(Frozen):
         q = np.ascontiguousarray(self.result.x[:, : m.nq])
         found = {}
         for name, goal in self.wanted.items():
-            made = q[:, m.coordinates.index(name)] if goal.ndim == 1 else m.positions(q, [name])[:, 0]
-            squares = (made - goal) ** 2
-            if goal.ndim == 2:
+            kind = kind_of(goal)
+            if kind is Kind.VALUE:
+                squares = (q[:, m.coordinates.index(name)] - goal) ** 2
+            elif kind is Kind.PLACE:
+                squares = (m.positions(q, [name])[:, 0] - goal) ** 2
                 squares = np.where(np.isnan(goal).all(axis=1), np.nan, np.nansum(squares, axis=1))
+            else:
+                at = quaternion_of(m, name) if kind is Kind.TURN else slice(0)
+                made = q[:, at] if kind is Kind.TURN else rotations.of_matrix(m.frame_pose(q, name)[:, :3, :3])
+                wanted = goal if kind is Kind.TURN else rotations.of_matrix(goal)
+                squares = np.sum(rotations.logarithm(rotations.product(rotations.inverse(wanted), made)) ** 2, axis=1)
             found[name] = float(np.sqrt(np.nanmean(squares)))
         return found
 
@@ -144,13 +156,16 @@ def follow(
         An arm, a cart, a puppet: what moves it are its inputs and its kinematic variables.
     motion : Wanted or mapping of str to array_like
         A `leastaction.io.Motion`, or by name what is wanted at all times: values (N+1,) of variables, places (N+1, 3)
-        of the origins of frames (m). NaN where anything is as good: of keyframes all but their instants.
+        of the origins of frames (m), rotations (N+1, 3, 3) of frames in the world, and unit quaternions (N+1, 4),
+        scalar first, by the name of a ball or free joint that turns as one. NaN of values and places where anything is
+        as good: of keyframes all but their instants.
     weights : mapping of str to float, optional
-        By names or patterns of them, of half the squares of: the distance of a wanted variable or frame from where it
-        is wanted (1 if left out); the place of a kinematic variable that is not wanted, about where it goes along with
-        the motion (1e-3); an input (1e-6); ``"acceleration of NAME"`` of a kinematic variable (1e-6); ``"momentum of
-        NAME"``, about that of the wanted motion (0); a variable that is not wanted (0, but 1e-3 where frames are,
-        about a pose that reaches them; 0 of one that only constraints take along). Later ones count.
+        By names or patterns of them, of half the squares of: the distance of a wanted variable, joint or frame from
+        where it is wanted, of a rotation the vector of the one that is missing (1 if left out); the place of a
+        kinematic variable that is not wanted, about where it goes along with the motion (1e-3); an input (1e-6);
+        ``"acceleration of NAME"`` of a kinematic variable (1e-6); ``"momentum of NAME"``, about that of the wanted
+        motion (0); a variable that is not wanted (0, but 1e-3 where frames are, about a pose that reaches them; 0 of
+        one that only constraints take along). Later ones count.
     limits : sequence of Limit, optional
         As of `optimize`. Tensions can be limited.
     t : array_like (N+1,), optional
@@ -222,14 +237,19 @@ def _wanted(
     if not given:
         raise ArgumentError("motion: got nothing that is wanted, expected values of variables or places of frames")
     # Of a quaternion neither its numbers nor its turns are wanted one by one.
-    plain = [name for name in m.variables if name in m.coordinates]
+    plain, turns = [name for name in m.variables if name in m.coordinates], [each.name for each in m.tree.rotations]
     found = {}
     for name, values in given.items():
-        if name not in plain and name not in m.frames:
-            known = closest(name, (*plain, *m.frames), what="variables and frames")
+        if name not in plain and name not in m.frames and name not in turns:
+            known = closest(name, (*plain, *turns, *m.frames), what="variables, joints and frames")
             raise ArgumentError(f"motion: nothing is called {name!r}; {known}")
-        shapes = [(len(times),)] * (name in plain) + [(len(times), 3)] * (name in m.frames)
-        found[name] = _with_gaps(values, f"motion: {name!r}", shapes)
+        n, what = len(times), f"motion: {name!r}"
+        shapes = [(n,)] * (name in plain) + [(n, 4)] * (name in turns) + [(n, 3), (n, 3, 3)] * (name in m.frames)
+        found[name] = _with_gaps(values, what, shapes)
+        if kind_of(found[name]) is Kind.TURN:
+            Rotations().check(found[name], what)
+        if kind_of(found[name]) is Kind.ORIENTATION:
+            quaternions_of(found[name], what, times)
     return found, times
 
 
@@ -239,6 +259,10 @@ def _with_gaps(values: ArrayLike, what: str, shapes: Sequence[tuple[int, ...]]) 
     with suppress(TypeError, ValueError):
         left_out = np.isnan(np.asarray(values, dtype=np.float64))
     given = as_array(np.where(left_out, 0.0, values) if left_out.any() else values, what, *shapes, meaning=_ROWS)
+    if left_out.any() and kind_of(given) in (Kind.TURN, Kind.ORIENTATION):
+        raise ArgumentError(
+            f"{what}: got NaN, expected a rotation at every instant; only values and places may be left out"
+        )
     if left_out.all():
         raise ArgumentError(f"{what}: got nothing but NaN, expected numbers where something is wanted")
     return np.where(left_out, np.nan, given)

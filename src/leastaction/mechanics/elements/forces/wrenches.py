@@ -11,7 +11,7 @@ import numpy as np
 from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.base import Force
 from leastaction.mechanics.elements.compiler import Compiler
-from leastaction.mechanics.elements.fields import FRAME
+from leastaction.mechanics.elements.fields import FRAME, not_zero
 from leastaction.mechanics.elements.kinds import Kind, Number, Uses
 from leastaction.mechanics.elements.looks import Push
 from leastaction.mechanics.elements.scalars import Factors
@@ -48,12 +48,12 @@ def _number_of(component: Component) -> float | None:
     return None if isinstance(component, str) else component
 
 
-def _terms(components: Iterable[Component]) -> tuple[tuple[tuple[float, float, float], float | str], ...]:
-    """The terms of a push along x, y and z."""
+def _terms(components: Iterable[Component], gain: float) -> tuple[tuple[tuple[float, float, float], float | str], ...]:
+    """The terms of a push along x, y and z; inputs without a factor of their own have the gain."""
     found: list[tuple[tuple[float, float, float], float | str]] = []
     for component, axis in zip(components, np.eye(3), strict=True):
         name, number = _input_of(component), _number_of(component)
-        x, y, z = (float(c) for c in (axis if name is None or number is None else number * axis))
+        x, y, z = (float(c) for c in (axis if name is None else (gain if number is None else number) * axis))
         source = number if name is None else name
         if source is not None and source != 0.0:
             found.append(((x, y, z), source))
@@ -117,21 +117,24 @@ class Wrench(Force):
         with others of the same name, or an input with its factor, ``{"thrust": 0.02}``. Zero if not given.
     torque : sequence of three float, str, or mapping of str to float, optional
         The torque (N m), likewise.
+    gain : float, optional
+        One factor of all inputs that have none of their own (N and N m per unit of the inputs), not zero.
 
     Raises
     ------
     DescriptionError
-        If neither force nor torque is given, or one is not three numbers or names.
+        If neither force nor torque is given, one is not three numbers or names, or there is a gain of no input.
 
     Notes
     -----
     The components that are numbers, and the factors of inputs, are the parameters ``"wrench.fx"``, ``"wrench.fy"``,
-    ``"wrench.fz"``, ``"wrench.tx"``, ``"wrench.ty"``, ``"wrench.tz"``.
+    ``"wrench.fz"``, ``"wrench.tx"``, ``"wrench.ty"``, ``"wrench.tz"``, and the gain is ``"wrench.gain"``.
     """
 
     frame: str = field(metadata=FRAME)
     force: Sequence[Component] | None = field(default=None, metadata={"kind": _FORCE})
     torque: Sequence[Component] | None = field(default=None, metadata={"kind": _TORQUE})
+    gain: float | None = field(default=None, metadata=not_zero("as else the inputs do nothing"))
 
     kind: ClassVar[str]
     task = "follow the wrench"
@@ -140,6 +143,11 @@ class Wrench(Force):
         super().__post_init__()
         if self.force is None and self.torque is None:
             raise DescriptionError(f"{self.label}: neither a force nor a torque is given; give force= or torque=")
+        if self.gain is not None and not any(isinstance(each, str) for each in self.components.values()):
+            raise DescriptionError(
+                f"{self.label}: the gain {self.gain:g} is of no input; name one as a component, such as "
+                "force=(0, 0, 'thrust'), or leave it out"
+            )
 
     @property
     def components(self) -> dict[str, Component]:
@@ -149,9 +157,12 @@ class Wrench(Force):
 
     @property
     def numbers(self) -> dict[str, float]:
-        return {n: number for n, c in self.components.items() if (number := _number_of(c)) is not None}
+        found = {n: number for n, c in self.components.items() if (number := _number_of(c)) is not None}
+        return found if self.gain is None else {**found, "gain": self.gain}
 
     def with_number(self, parameter: str, value: float) -> Wrench:
+        if parameter == "gain":
+            return replace(self, gain=value)
         name = _input_of(self.components[parameter])
         values = list({**self.components, parameter: value if name is None else {name: value}}.values())
         return replace(self, force=values[:3], torque=values[3:])
@@ -162,10 +173,14 @@ class Wrench(Force):
             parts.append(f"force {_FORCE.show(tuple(self.force))}")
         if self.torque is not None:
             parts.append(f"torque {_TORQUE.show(tuple(self.torque))}")
+        if self.gain is not None:
+            parts.append(f"gain {self.gain:g}")
         return ", ".join(parts)
 
     def units(self, of: Mapping[str, str]) -> dict[str, str]:
         given: list[tuple[str, str]] = []
+        if self.gain not in (None, 1.0):
+            return {name: "" for name in self.components.values() if isinstance(name, str)}
         for kind, components in ((_FORCE, self.force), (_TORQUE, self.torque)):
             given += [(each, kind.unit) for each in components or () if isinstance(each, str)]
         return {name: common(unit for other, unit in given if other == name) for name, _ in given}
@@ -173,7 +188,8 @@ class Wrench(Force):
     @property
     def pushes(self) -> tuple[Push, ...]:
         parts = self.components
-        force, torque = (_terms(parts[letter + axis] for axis in "xyz") for letter in "ft")
+        gain = 1.0 if self.gain is None else self.gain
+        force, torque = (_terms([parts[letter + axis] for axis in "xyz"], gain) for letter in "ft")
         axes = self.frame if self.kind == "body" else None
         found = (Push(self.frame, force, axes), Push(self.frame, torque, axes, turning=True))
         return tuple(push for push in found if push.terms)
@@ -183,7 +199,8 @@ class Wrench(Force):
         for name, value in self.components.items():
             input_ = _input_of(value)
             inputs.append(-1 if input_ is None else core.input(input_))
-            slots.append(-1 if _number_of(value) is None else core.slot(name))
+            own = _number_of(value) is not None
+            slots.append(core.slot(name) if own else core.slot("gain") if self.gain is not None else -1)
         placed = core.context.placed(self.frame)
         pose = np.ascontiguousarray(placed.pose)
         core.builder.add_wrench(self.kind, placed.joint, pose, slots, inputs)

@@ -1,0 +1,54 @@
+// The linear system of newton_matrix.hpp for several configurations side by side, by elimination without any pivoting.
+//
+// Constraints are eliminated in their order: their Schur complement is near one of C1 = C2, which is definite. A lane for which
+// that does not go well, because constraints are redundant or the matrix is far from an inertia, is told: its factors are
+// worth nothing.
+#pragma once
+
+#include <vector>
+
+#include "dynamics/lagrangian.hpp"
+
+namespace leastaction {
+
+class LaneNewton {
+public:
+    explicit LaneNewton(const Mechanism& mechanism);
+
+    // M = D2D1Ld without what forces add, at the point of the last composites(); and sqrt |L_vv[i, i]|.
+    void assemble(const Lagrangian<Lanes>& lagrangian, double dt, Lanes* root_inertia);
+    Lanes& M(int i, int j) { return M_[i * n_ + j]; }
+    // C1, C2 (n_constraints x ld), of which the first n columns are used. The lanes that have factors.
+    Lanes::Mask factor(const Lanes* C1, const Lanes* C2, int ld);
+    const std::vector<Lanes>& reciprocal_pivots() const { return reciprocal_; }
+    // Overwrites f (n) and g (n_constraints) by y and l.
+    void solve(Lanes* f, Lanes* g) const;
+
+private:
+    void solve_M(Lanes* b, int stride) const;
+
+    // The pair derivatives of a joint and one above it, and where they go in M.
+    struct Entry {
+        int ij, ji;
+        double weight;
+        bool mirrored;
+    };
+    struct Pair {
+        int joint, above;
+        std::vector<Entry> entries;
+    };
+    struct Fixed {  // of rotors: what they add to L_vv
+        int ij, ji;
+        double inertia;
+    };
+    const Mechanism& mechanism_;
+    int n_, nc_;
+    std::vector<Pair> pairs_;
+    std::vector<Fixed> rotors_;
+    std::vector<int> pattern_;  // entries of M that are not zero, once it is factored
+    std::vector<Lanes> M_, L_, reciprocal_, inertia_;
+    std::vector<Lanes> M_inv_C1t_, C2_, schur_;  // n x nc, nc x n, nc x nc
+    std::vector<Lanes> schur_reciprocal_;
+};
+
+}  // namespace leastaction
