@@ -306,6 +306,9 @@ class MPC:
         assert limited is not None
         rollout = system.rollout(state, self.x, self.u, self.K, 0, self.horizon)
         if not rollout.complete:
+            # Gains that ask for too much far from the plan: its inputs alone may lead through.
+            rollout = system.rollout(state, self.x, self.u, np.zeros_like(self.K), 0, self.horizon)
+        if not rollout.complete:
             return f"the last plan leads nowhere from here: {rollout.failure}"
         x, u = read_only(rollout.x), read_only(rollout.u)
         try:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import os
 import pickle
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -179,14 +180,20 @@ def _results(
     from concurrent.futures import BrokenExecutor
 
     pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered")
+    found = pool(joblib.delayed(attempt)(i, values[i]) for i in todo)
     try:
-        yield from pool(joblib.delayed(attempt)(i, values[i]) for i in todo)
+        for each in found:  # noqa: UP028 - so that it is closed below, and not here
+            yield each
     except BrokenExecutor as error:
         raise SweepError(
             f"worker processes died after {len(done)} of {len(values)} results: killed, or out of memory ({error}). "
             "Give fewer workers; with `keep` the sweep goes on where it was",
             done=dict(done),
         ) from error
+    finally:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of results that nobody waits for, where a sweep was ended
+            found.close()
 
 
 def _mark(value: Any) -> str:

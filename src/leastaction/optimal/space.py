@@ -376,3 +376,25 @@ def sizes_of(space: StateSpace | None, x: Array) -> Array:
     if space is not None:
         size = np.einsum("kai,ka->ki", np.abs(space.plus_derivative(x)), size)
     return np.asarray(1.0 + size.max(axis=0))
+
+
+# ---- Derivatives by the numbers of states, as continuous time takes them ----------------------------------------
+
+
+def by_numbers(space: StateSpace | None, x: Array, J: Array) -> Array:
+    """Return derivatives (n, m, nx + k) by the numbers of states x (n, nx) of those (n, m, ndx + k) by differences."""
+    if space is None:
+        return J
+    own, rest = J[..., : space.ndx], J[..., space.ndx :]
+    return np.concatenate([own @ space.changes(x), rest], axis=-1)
+
+
+def bent_by_numbers(space: StateSpace | None, x: Array, slope: Array, H: Array) -> Array:
+    """Return second derivatives (n, nx + k, nx + k) likewise, of a function with this slope (n, ndx + k)."""
+    if space is None:
+        return H
+    nx, ndx = space.nx, space.ndx
+    half = by_numbers(space, x, H)
+    out = by_numbers(space, x, np.swapaxes(half, -1, -2))
+    out[..., :nx, :nx] += space.changes_curvature(x, slope[..., :ndx])
+    return out
