@@ -27,7 +27,8 @@ from leastaction.numerics.arrays import Array, as_count
 from leastaction.numerics.differences import fourth_order
 from leastaction.numerics.public import public
 
-Flags = Pattern = npt.NDArray[np.bool_]
+Pattern = npt.NDArray[np.bool_]
+Flags = npt.NDArray[np.bool_]
 
 _STEP, _SECOND = 1e-3, 1e-2  # by which charts are moved for first and second differences of fourth order
 _UNIT = 1e-6  # by which the length of a unit quaternion may be off

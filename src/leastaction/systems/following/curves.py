@@ -14,7 +14,7 @@ from leastaction.mechanics.mechanism.turns import differences, middles, moved_by
 from leastaction.numerics import rotations
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Instants
-from leastaction.systems.following.kinds import Kind, kind_of, quaternion_of, turns_of
+from leastaction.systems.following.kinds import WantedKind, kind_of, quaternion_of, turns_of
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.warm_starts import configurations_onto_constraints, velocities_onto_constraints
 
@@ -45,10 +45,10 @@ def wanted_curve(system: MidpointSystem, wanted: Mapping[str, Array], start: Sta
     places = {}
     for name, values in wanted.items():
         kind = kind_of(values)
-        if kind is Kind.VALUE:
+        if kind is WantedKind.VALUE:
             known[m.variables.index(name)] = True
             q[:, m.coordinates.index(name)] = values
-        elif kind is Kind.TURN:
+        elif kind is WantedKind.TURN:
             known[turns_of(m, name)] = True
             q[:, quaternion_of(m, name)] = values
         else:
@@ -118,7 +118,7 @@ def _reach(m: Mechanism, q: Array, free: Instants, wanted: Mapping[str, Array]) 
             m.positions(q, [name])[0] - values if values.ndim == 1 else _turned_off(m, q, name, values)
             for name, values in wanted.items()
         ]
-        return np.concatenate(off)[matters]
+        return np.asarray(np.concatenate(off)[matters])
 
     def moving(q: Array, name: str, values: Array) -> Array:
         J = m.frame_jacobian(q, name, axes="world" if values.ndim == 1 else "frame")[:, free]
