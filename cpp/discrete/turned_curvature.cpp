@@ -89,25 +89,26 @@ void SecondOrder::make_rows(double dt) {
     for (int i = 0; i < nq_; ++i) {
         q_mid_[i] = 0.5 * (q1[i] + q2[i]);
         v_[i] = (q2[i] - q1[i]) / dt;
-        t.start_row[i] = 0.5 * dt * dual_.L_q[i].v - dual_.L_v[i].v;
-        t.end_row[i] = 0.5 * dt * dual_.L_q[i].v + dual_.L_v[i].v;
     }
     place_balls();
-    place(m.element_joints, q_mid_.data(), at_middle_);
-    for_each_entry(m.potentials, at_middle_, q_mid_.data(), local_, [&](int i, double slope) {
-        t.start_row[i] -= 0.5 * dt * slope;
-        t.end_row[i] -= 0.5 * dt * slope;
-    });
+    t.lagrangian.at.time = this->t + 0.5 * dt;
+    t.lagrangian.gradient(q_mid_.data(), v_.data());
+    place(m.massless_joints_seen, q_mid_.data(), t.lagrangian.at);
+    for_each_entry(m.potentials, t.lagrangian.at, q_mid_.data(), local_,
+                   [&](int i, double slope) { t.lagrangian.L_q[i] -= slope; });
+    for (int i = 0; i < nq_; ++i) {
+        t.start_row[i] = 0.5 * dt * t.lagrangian.L_q[i] - t.lagrangian.L_v[i];
+        t.end_row[i] = 0.5 * dt * t.lagrangian.L_q[i] + t.lagrangian.L_v[i];
+    }
     const double km = kappa_minus(split_, dt), kp = kappa_plus(split_, dt);
     const auto add = [&](int i, double f) {
         t.start_row[i] += km * f;
         t.end_row[i] += kp * f;
     };
-    const ForcePoint<double> middle{at_middle_, q_mid_.data(), v_.data(), u.data()};
+    const ForcePoint<double> middle{t.lagrangian.at, q_mid_.data(), v_.data(), u.data()};
     for (const auto& [i, slot] : m.damping) add(i, -m.numbers[slot] * v_[i]);
     for (const auto& [i, input] : m.joint_forces) add(i, u[input]);
     for_each_entry(m.forces, middle, force_, add);
-    t.lagrangian.gradient(q_mid_.data(), v_.data());
     t.lagrangian.hessian();
     t.table.evaluate(m, t.lagrangian.pairs, middle, split_, dt, local_, force_);
 }

@@ -208,9 +208,10 @@ class MidpointVI(Integrator):
             check_consistent(m, q)
         h = as_time_step(dt)
         u = inputs_of(m, inputs)
-        _, p = self.core.momenta(first, second, u, h, h)
+        end = as_number(t, "t")
+        _, p = self.core.momenta(first, second, u, h, h, end - h)
         moved = differences(m, second[None], first[None])[0]
-        return State(as_number(t, "t"), second.copy(), p[: m.nd], moved[m.nd :] / h)
+        return State(end, second.copy(), p[: m.nd], moved[m.nd :] / h)
 
     # Motion
 
