@@ -79,10 +79,10 @@ class Equations:
         )
         return np.concatenate([u, acceleration])
 
-    def solve(self, x: Array, u: Array) -> tuple[Array, Array]:
-        """Return the accelerations (nq,) and the multipliers (nc,) at a state and an input."""
+    def solve(self, t: float, x: Array, u: Array) -> tuple[Array, Array]:
+        """Return the accelerations (nq,) and the multipliers (nc,) at a time, a state and an input."""
         m = self.mechanism
-        out = self.dynamics.accelerations(x[: m.nq], x[m.nq :], u[: m.n_inputs], u[m.n_inputs :])
+        out = self.dynamics.accelerations(x[: m.nq], x[m.nq :], u[: m.n_inputs], u[m.n_inputs :], t)
         return np.concatenate([out.a, u[m.n_inputs :]]), out.lam
 
     def rate(self, t: float, x: Array) -> Array:
@@ -99,7 +99,7 @@ class Equations:
             raise DynamicsError(f"the input {bad!r} is not finite", t=t, variable=None)
         # The core itself: all is checked, and the checks of a call by hand would take longer than it.
         out = self.dynamics.core.accelerations(
-            x[None, : m.nq], x[None, m.nq :], u[None, : m.n_inputs], u[None, m.n_inputs :], 1
+            x[None, : m.nq], x[None, m.nq :], u[None, : m.n_inputs], u[None, m.n_inputs :], 1, np.array((t,))
         )
         if out.solved < 1:
             self.dynamics.accelerations(x[: m.nq], x[m.nq :], u[: m.n_inputs], u[m.n_inputs :], t)
@@ -123,7 +123,7 @@ class Equations:
         x = self.state(t, x)
         u = self.input(t, x)
         q, v = x[:nq], x[nq:]
-        d = self.dynamics.linearize(q, v, u[: m.n_inputs], u[m.n_inputs :])
+        d = self.dynamics.linearize(q, v, u[: m.n_inputs], u[m.n_inputs :], t)
         by_x = np.zeros((m.nx, m.nx))
         by_x[:nq, :nq] = self.kinematics.rates_by_configuration(v)
         by_x[:nq, nq:] = self.kinematics.directions(q)
