@@ -34,7 +34,10 @@ def stated(package: str) -> tuple[dict[str, set[str]], dict[str, set[str]], set[
     """Return a package's names by module as type checkers see them, as its table has them, and those at once there."""
     tree = ast.parse(files(package).joinpath("__init__.py").read_text("utf-8"))
     [branches] = [node for node in tree.body if isinstance(node, ast.If)]
-    seen = {node.module: {a.name for a in node.names} for node in branches.body if isinstance(node, ast.ImportFrom)}
+    seen: dict[str | None, set[str]] = {}
+    for node in branches.body:
+        if isinstance(node, ast.ImportFrom):
+            seen.setdefault(node.module, set()).update(a.name for a in node.names)
     table, *_ = [node for node in ast.walk(ast.Module(branches.orelse, [])) if isinstance(node, ast.Dict)]
     modules: dict[str, str] = ast.literal_eval(table)
     at_once = {a.name for node in tree.body if isinstance(node, ast.ImportFrom) for a in node.names}
