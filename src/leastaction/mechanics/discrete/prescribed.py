@@ -49,7 +49,7 @@ def step_to(m: Mechanism, q: Array, rho_next: ArrayLike) -> Array:
     if not prescribed_rotations(m):
         return given
     whole = configuration_on(m, np.concatenate((q[:first], given)), "rho_next")
-    return inputs_along(m, np.stack((q[first:], whole[first:])))[0]
+    return np.asarray(inputs_along(m, np.stack((q[first:], whole[first:])))[0])
 
 
 def inputs_along(m: Mechanism, places: Array) -> Array:

@@ -56,11 +56,11 @@ class Controls:
         """Return the prescribed part of q at a time within step k."""
         for j in (k, k + 1):
             if at == self.t[j]:
-                return self.places[j]
+                return np.asarray(self.places[j])
         if callable(self.rho):
             whole = self.m.configuration()
             whole[self.m.first_rho :] = self.places[k]
-            return prescribed_rows(self.m, self.rho, np.array([at]), whole)[0]
+            return np.asarray(prescribed_rows(self.m, self.rho, np.array([at]), whole)[0])
         share = (at - self.t[k]) / (self.t[k + 1] - self.t[k])
         return reached(self.m, self.places[k], self.u[k, self.m.n_inputs :], share)
 
