@@ -15,6 +15,26 @@ class LaneNewton {
 public:
     explicit LaneNewton(const Mechanism& mechanism);
 
+    // Calls f(i, j, weight, mirrored, vv, v_q, q_v, qq) as each_pair() does, with the second derivatives themselves, at the
+    // point of the last composites(); those of rotors with weight 1 and nothing but vv.
+    template <class F>
+    void each_entry(const Lagrangian<Lanes>& lagrangian, const F& f) const {
+        for (const Pair& pair : pairs_) {
+            const Lanes* A = lagrangian.vectors(pair.joint).AB;
+            const VectorsOf<Lanes> j = lagrangian.vectors(pair.above);
+            Lanes vv(0.0), v_q(0.0), q_v(0.0), qq(0.0);
+            for (int c = 0; c < 6; ++c) {
+                vv += A[c] * j.S[c];
+                v_q -= A[c] * j.W[c];
+                q_v += A[6 + c] * j.S[c];
+                qq -= A[6 + c] * j.W[c];
+            }
+            for (int c = 0; c < 3; ++c) qq -= A[c] * j.G[c];
+            for (const Entry& e : pair.entries) f(e.i, e.j, e.weight, e.mirrored, vv, v_q, q_v, qq);
+        }
+        for (const Fixed& rotor : rotors_)
+            f(rotor.i, rotor.j, 1.0, rotor.mirrored, Lanes(rotor.inertia), Lanes(0.0), Lanes(0.0), Lanes(0.0));
+    }
     // M = D2D1Ld without what forces add, at the point of the last composites(); and sqrt |L_vv[i, i]|.
     void assemble(const Lagrangian<Lanes>& lagrangian, double dt, Lanes* root_inertia);
     Lanes& M(int i, int j) { return M_[i * n_ + j]; }
@@ -29,7 +49,7 @@ private:
 
     // The pair derivatives of a joint and one above it, and where they go in M.
     struct Entry {
-        int ij, ji;
+        int i, j;
         double weight;
         bool mirrored;
     };
@@ -38,7 +58,8 @@ private:
         std::vector<Entry> entries;
     };
     struct Fixed {  // of rotors: what they add to L_vv
-        int ij, ji;
+        int i, j;
+        bool mirrored;
         double inertia;
     };
     const Mechanism& mechanism_;
