@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from marionette.motions import captured
 from marionette.puppet_bvh import write_puppet
@@ -22,7 +23,7 @@ pytest.importorskip("matplotlib")
 
 from matplotlib.image import imread
 
-from leastaction import Bound, MidpointSystem, MidpointVI, QuadraticCost, Status, equilibrium, optimize
+from leastaction import Bound, MidpointSystem, MidpointVI, QuadraticCost, Status, equilibrium, follow, optimize
 from leastaction.mechanics import Stability
 from leastaction.models.marionette import marionette
 from leastaction_marionette import load_motion, track, walk_in_place
@@ -247,6 +248,44 @@ def test_stewart_platform(monkeypatch: pytest.MonkeyPatch) -> None:
                     for t, each in zip(stewart.T, R, strict=True)])  # fmt: skip
     assert off[[0, 5, -5, -1]].max() < 0.5
     assert 5.0 < off.max() < 20.0
+
+
+def test_tumbling_puppet(monkeypatch: pytest.MonkeyPatch) -> None:
+    puppet, found = example("29_tumbling_puppet", monkeypatch)
+    assert found.result.status is Status.CONVERGED
+    assert np.degrees(max(found.errors[name] for name in ("pelvis", *puppet.LIMBS))) < 6.0
+    assert np.abs(found.result.u[:, 6:]).max() == pytest.approx(30.0, abs=1e-3)
+    m, q = found.trajectory.mechanism, found.trajectory.q
+    pelvis, arm = (m.frame_pose(q, name)[:, :3, 2] for name in ("pelvis", "right arm"))
+    assert pelvis[:, 2].min() < -0.99  # the torso is upside down, and the arm beside the head
+    assert np.sum(pelvis * arm, axis=1).min() < -0.9
+    # All the way round, and not there and back.
+    turn = np.unwrap(np.arctan2(pelvis[:, 0], pelvis[:, 2]))
+    assert turn[-1] - turn[0] == pytest.approx(2.0 * np.pi, abs=0.1)
+
+
+def test_a_puppet_that_walks_is_as_near_by_quaternions_as_by_angles(monkeypatch: pytest.MonkeyPatch) -> None:
+    puppet = load("29_tumbling_puppet", monkeypatch)
+    t = np.linspace(0.0, 1.0, 51)
+    swing, names = np.sin(2.0 * np.pi * t), ("pelvis", *puppet.LIMBS)
+    angles = {"pelvis": 0.1 * np.stack([swing, 0.5 * swing, 0.0 * t], axis=1)}
+    for name, size in zip(puppet.LIMBS, (-0.5, 0.5, 0.6, -0.6), strict=True):
+        angles[name] = np.stack([size * swing, 0.15 * (1.0 - swing**2), 0.1 * swing], axis=1)
+    plain = {f"{name} bend": (0.4 if "arm" in name else -0.5) * swing**2 for name in puppet.LIMBS}
+    plain |= {"pelvis.x": 0.0 * t, "pelvis.y": 0.8 * t, "pelvis.z": 0.8 + 0.02 * np.abs(swing) ** 3}
+    turned = {name: Rotation.from_euler("XYZ", each) for name, each in angles.items()}
+    by_angles = {f"{name}.r{axis}": each[:, i] for name, each in angles.items() for i, axis in enumerate("xyz")}
+    wanted = {"quaternion": {name: turn.as_quat(scalar_first=True) for name, turn in turned.items()}, "xyz": by_angles}
+    off = {}
+    for axes, turns in wanted.items():
+        m, given = puppet.puppet(axes), turns | plain
+        found = follow(m, given, dict.fromkeys(given, 100.0) | {"motor *": 1e-4, "hand *": 1e-4}, t=t)
+        assert found.result.success
+        made = {name: Rotation.from_matrix(m.frame_pose(found.trajectory.q, name)[:, :3, :3]) for name in names}
+        seen = {name: made[name] if name == "pelvis" else made["pelvis"].inv() * made[name] for name in names}
+        off[axes] = np.sqrt([np.mean((turned[name].inv() * seen[name]).magnitude() ** 2) for name in names])
+    assert np.degrees(off["quaternion"]).max() < 2.0
+    assert (off["quaternion"] < 1.05 * off["xyz"] + 1e-4).all()
 
 
 # The systems of the dissertation's examples

@@ -305,10 +305,10 @@ def test_few_digits_of_the_cost_are_asked_for_as_such() -> None:
         c.flat[:] = 1.0
         stages.begin(1.0, c, lambda: 1.0)
         stages.duals.mu = stages.last = 1e-6
-        assert stages.tolerated(1.0, 0.0, c) == pytest.approx(enough)
+        assert stages.tolerated(1.0, 0.0, stages.duals.room(c)) == pytest.approx(enough)
         # What limits are off by costs little: with all of a rough tolerance it would be left as it is.
         c.flat[7] = -1e-3
-        assert stages.tolerated(1.0, 0.0, c) == pytest.approx(min(enough, 1e-2))
+        assert stages.tolerated(1.0, 0.0, stages.duals.room(c)) == pytest.approx(min(enough, 1e-2))
         assert stages.met == pytest.approx(off)
 
 
@@ -1012,12 +1012,14 @@ def test_a_stage_ends_sooner_where_its_duals_are_near_those_of_the_barrier() -> 
     c.flat[:] = 1.0
     stages.begin(1.0, c, lambda: 1.0)
     duals = stages.duals
-    assert duals.are_central(duals.room(c))
+    room = duals.room(c)
+    assert duals.are_central(room)
+    loose = stages.tolerated(0.0, 0.0, room)
     duals.y.flat[7] *= 100.0
-    assert not duals.are_central(duals.room(c))
-    loose, tight = (stages.tolerated(0.0, 0.0, c, central=central) for central in (True, False))
+    assert not duals.are_central(room)
+    tight = stages.tolerated(0.0, 0.0, room)
     assert loose == pytest.approx(10.0 * tight)
-    assert stages.tolerated(2.0 * loose, 0.0, c) == 2.0 * loose
+    assert stages.tolerated(2.0 * loose, 0.0, room) == 2.0 * loose
 
 
 def test_the_least_that_limits_are_off_by_is_looked_for_once() -> None:

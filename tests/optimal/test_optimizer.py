@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import cProfile
+import pstats
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -31,16 +34,16 @@ REST = np.zeros(4), np.zeros((N, 1))
 LIMITS = [Bound("push", -12.0, 12.0), Bound("pole", max=0.35)]
 
 
-def cart() -> MidpointSystem:
+def cart(steps: int = N) -> MidpointSystem:
     tree = [ty("cart", mass=2.0), [rx("pole"), [tz(-1.0, mass=1.0)]]]
     m = Mechanism(tree, [Gravity(), JointForce("cart", input="push")])
-    return MidpointSystem(MidpointVI(m, threads=1), np.linspace(0.0, 0.8, N + 1))
+    return MidpointSystem(MidpointVI(m, threads=1), np.linspace(0.0, 0.8, steps + 1))
 
 
-def tracking(angle: float = 0.4) -> QuadraticCost:
-    wanted = np.zeros((N + 1, 4))
+def tracking(angle: float = 0.4, steps: int = N) -> QuadraticCost:
+    wanted = np.zeros((steps + 1, 4))
     wanted[:, 1] = angle
-    return QuadraticCost(wanted, np.zeros((N, 1)), Q=[0.1, 10.0, 0.0, 0.0], R=[0.01])
+    return QuadraticCost(wanted, np.zeros((steps, 1)), Q=[0.1, 10.0, 0.0, 0.0], R=[0.01])
 
 
 def assert_same(one: Any, other: Any) -> None:
@@ -133,3 +136,40 @@ def test_another_cost_is_that_of_an_optimiser_made_with_it(limits: list[Limit]) 
     assert_same(optimizer.run(REST), other.run(REST))
     with pytest.raises(ArgumentError, match=r"cost.x_wanted: got shape \(5, 4\)"):
         optimizer.again(cost=QuadraticCost(np.zeros((5, 4)), np.zeros((4, 1)), Q=np.ones(4), R=[1.0]))
+
+
+@pytest.mark.parametrize("limits", [[], LIMITS])
+def test_later_runs_ask_for_no_memory_that_grows_with_the_horizon(limits: list[Limit]) -> None:
+    """What the first has found stays what it was, though its result is held."""
+
+    def peak(steps: int) -> int:
+        optimizer = Optimizer(cart(steps), tracking(steps=steps), limits)
+        start = np.zeros(4), np.zeros((steps, 1))
+        first = optimizer.run(start)
+        found = {name: getattr(first, name).copy() for name in ("x", "u", "K", "projection_gain")}
+        tracemalloc.start()
+        try:
+            second = optimizer.run(start)
+            most = tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+        assert second.success
+        optimizer.run((np.array([0.0, 0.05, 0.0, 0.0]), np.zeros((steps, 1))))
+        for name, array in found.items():
+            np.testing.assert_array_equal(getattr(first, name), array)
+            np.testing.assert_array_equal(getattr(second, name), array)
+        return most
+
+    # NumPy has buffers of a size of its own.
+    states = 8 * 4 * 2001
+    assert peak(4000) < peak(2000) + 0.25 * states
+
+
+@pytest.mark.parametrize(("limits", "most"), [([], 1100), ([LIMITS[0]], 2400)])
+def test_a_short_run_is_made_of_few_calls(limits: list[Limit], most: int) -> None:
+    """Each takes about as long as the numbers of a step of time: half of what an iteration costs is theirs."""
+    optimizer = Optimizer(cart(), tracking(), limits, max_iterations=1)
+    optimizer.run(REST)
+    with cProfile.Profile() as profile:
+        optimizer.run(REST)
+    assert pstats.Stats(profile).total_calls < most  # type: ignore[attr-defined]

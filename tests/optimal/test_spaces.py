@@ -7,6 +7,7 @@ import pytest
 
 import leastaction as la
 from leastaction.errors import ArgumentError
+from leastaction.numerics import rotations
 from leastaction.numerics.differences import central_differences
 from leastaction.optimal import (
     Bound,
@@ -436,30 +437,74 @@ def test_a_quadratic_cost_in_continuous_time_prices_differences():
     u, t = rng.standard_normal((2, 3)), np.array([0.1, 0.2])
     off = BODY.difference(x, wanted)
     assert cost.rates(x, u, t) == pytest.approx(0.5 * (off**2 @ np.arange(1.0, 7.0) + np.sum(u**2, axis=1)), rel=1e-14)
-    slope = central_differences(lambda d: np.array([cost.rate(BODY.plus(x[0], d), u[0], 0.1)]), np.zeros(6))[0]
+    slope = central_differences(lambda y: np.array([cost.rate(y, u[0], 0.1)]), x[0])[0]
     assert cost.gradient(x, u, t).q[0] == pytest.approx(slope, abs=1e-8)
-    last = central_differences(lambda d: np.array([cost.final_value(BODY.plus(x[0], d), 0.1)]), np.zeros(6))[0]
+    last = central_differences(lambda y: np.array([cost.final_value(y, 0.1)]), x[0])[0]
     assert cost.final_gradient(x[0], 0.1) == pytest.approx(last, abs=1e-8)
-    for by, H in ((cost.gradient, cost.hessian(x, u, t).Q[0]), (None, cost.final_hessian(x[0], 0.1))):
-
-        def gradient(d, by=by):
-            moved = BODY.plus(x[0], d)
-            q = cost.final_gradient(moved, 0.1) if by is None else by(moved[None], u[:1], t[:1]).q[0]
-            return np.linalg.solve(BODY.difference_derivative(moved, x[0]).T, q)
-
-        assert np.asarray(H) == pytest.approx(central_differences(gradient, np.zeros(6)), abs=1e-7)
+    bent = central_differences(lambda y: cost.gradient(y[None], u[:1], t[:1]).q[0], x[0])
+    assert cost.hessian(x, u, t).Q[0] == pytest.approx(bent, abs=1e-7)
+    bent = central_differences(lambda y: cost.final_gradient(y, 0.1), x[0])
+    assert cost.final_hessian(x[0], 0.1) == pytest.approx(bent, abs=1e-7)
 
 
-def test_states_in_continuous_time_have_to_be_plain():
-    class Turning(ContinuousSystem):
-        nx, nu, space = 4, 3, Rotations()
+@pytest.mark.parametrize("space", [Rotations(), Circle(), BODY], ids=["rotations", "circle", "product"])
+def test_differences_derive_by_numbers(space):
+    """Those of states are the inverse of how states move; a space that says nothing leaves out what is across them."""
+    rng = np.random.default_rng(3)
+    x = space.plus(np.eye(space.nx)[0], rng.standard_normal(space.ndx))[None]
+    w = rng.standard_normal((1, space.ndx))
+    G, N = space.changes(x)[0], space.plus_derivative(x)[0]
+    identity = G @ N
+    assert identity == pytest.approx(np.eye(space.ndx), abs=1e-14)
+    # Along the states to second order: differences of plus(x, d) are d.
+    bent = N.T @ space.changes_curvature(x, w)[0] @ N
+    assert bent == pytest.approx(-space.plus_curvature(x, w @ G)[0], abs=1e-13)
 
-        def f(self, x, u, t):
-            return u
 
-        def derivatives(self, x, u, t):
-            return np.zeros((3, 3)), np.eye(3)
+class Steered(ContinuousSystem):
+    """A quaternion that is turned at will, by its numbers."""
+
+    nx, nu, space = 4, 3, Rotations()
+
+    def f(self, x, u, t):
+        return 0.5 * rotations.product(x, np.r_[0.0, u])
+
+    def derivatives(self, x, u, t):
+        A = [0.5 * rotations.product(e, np.r_[0.0, u]) for e in np.eye(4)]
+        return np.transpose(A), np.transpose([0.5 * rotations.product(x, e) for e in np.eye(4)[1:]])
+
+    def curvature(self, x, u, t, z):
+        H = np.zeros((7, 7))
+        H[:4, 4:] = [[0.5 * z @ rotations.product(e, turn) for turn in np.eye(4)[1:]] for e in np.eye(4)]
+        return H + H.T
+
+
+def test_a_continuous_system_is_steered_by_the_numbers_of_its_states():
+    """The shortest way between attitudes: half the square of the angle, at a speed that does not change."""
+    system, goal = Steered(), attitude([1, 2, 3], 2.5)
+    cost = ContinuousQuadraticCost(
+        goal, np.zeros(3), Q=np.zeros(3), R=np.ones(3), Q_final=np.full(3, 1e4), space=system
+    )
+    found = optimize(system, cost, initial=(np.eye(4)[0], np.zeros(3)), horizon=(0.0, 1.0))
+    assert found.success
+    assert found.cost == pytest.approx(0.5 * 2.5**2 / (1.0 + 1e-4), rel=1e-8)
+    assert np.ptp(found.u, axis=0).max() < 1e-4
+    with pytest.raises(ArgumentError, match=r"subtracts states.*give it space=system"):
+        optimize(
+            system,
+            ContinuousQuadraticCost(goal, np.zeros(3), Q=np.zeros(4), R=np.ones(3)),
+            initial=(np.eye(4)[0], np.zeros(3)),
+            horizon=(0.0, 1.0),
+        )
+
+
+def test_a_continuous_system_with_a_difference_of_its_own_is_told_to_have_a_space():
+    class Turning(Steered):
+        space = None
+
+        def difference(self, x, xbar):
+            return x - xbar
 
     cost = ContinuousQuadraticCost(np.eye(4)[0], np.zeros(3), Q=np.ones(3), R=np.ones(3), space=Rotations())
-    with pytest.raises(ArgumentError, match="got a Turning whose states are no plain vectors"):
+    with pytest.raises(ArgumentError, match="got a Turning with a difference of states of its own"):
         optimize(Turning(), cost, initial=(np.eye(4)[0], np.zeros(3)), horizon=(0.0, 1.0))

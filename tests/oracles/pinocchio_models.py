@@ -20,8 +20,11 @@ ROUNDING = 1e-18  # kg m^2: what is left where moments of bodies cancel
 FLYER = ("tx", "ty", "tz", "rx", "ry", "rz")
 
 
-def mechanism_of(model: Any) -> Mechanism:
-    """Return the mechanism of a model, an input on every variable, both in the order of its velocities."""
+def mechanism_of(model: Any, *, quaternions: bool = False) -> Mechanism:
+    """Return the mechanism of a model, an input on every variable, both in the order of its velocities.
+
+    ``quaternions``: whether a free flyer's rotation is one; it has no inputs then.
+    """
     placed: list[Branch] = [world()]
     variables: list[str] = []
     for j in range(1, model.njoints):
@@ -34,6 +37,9 @@ def mechanism_of(model: Any) -> Mechanism:
             # Some robots' files hold inertias that no body has.
             body = Body(inertia.mass, com=inertia.lever, inertia=moments, allow_nonphysical=True)
             bodies.append(body)
+        if joint.nv == 6 and quaternions:
+            placed.append(base.free(name, axes="quaternion", bodies=bodies))
+            continue
         if joint.nv == 6:
             at = base
             for kind in FLYER:
@@ -54,7 +60,7 @@ def mechanism_of(model: Any) -> Mechanism:
     return Mechanism(
         placed[0],
         [Gravity(model.gravity.linear), *forces],
-        dynamic=variables,
+        dynamic=None if quaternions else variables,
         inputs=[f"{variable} force" for variable in variables],
     )
 

@@ -98,7 +98,9 @@ def require_finite(
 
 
 def read_only(array: Array) -> Array:
-    """Return a view that cannot be written to: what is frozen stays as it was computed."""
+    """Return a view that cannot be written to, itself if it is one: what is frozen stays as it was computed."""
+    if not array.flags.writeable:
+        return array
     view = array.view()
     view.setflags(write=False)
     return view

@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike
 from threadpoolctl import ThreadpoolController
 
 from leastaction.errors import ArgumentError, ResidualWarning
-from leastaction.numerics.arrays import as_array, as_count, read_only, require_instance
+from leastaction.numerics.arrays import Array, as_array, as_count, read_only, require_instance
 from leastaction.numerics.frozen import changed
 from leastaction.numerics.piecewise import PiecewisePolynomial
+from leastaction.numerics.pool import Pool, copied
 from leastaction.numerics.public import public
 from leastaction.numerics.warn import warn as warn_of
 from leastaction.optimal.accuracy import Accuracy
@@ -111,6 +112,7 @@ class Optimizer:
         self.unknowns = checked_unknowns(unknowns)
         self.ways = [way for way in WAYS if way.name not in self.options.without]
         self.result: OptimizationResult | None = None
+        self._pool = Pool()
         self._extension: Extension | None = None
         self._remembered: Remembered | None = None
         self._problem = self._discrete() if isinstance(system, DiscreteSystem) else self._continuous()
@@ -132,10 +134,14 @@ class Optimizer:
         ArgumentError
             As of `optimize`.
         """
-        result = self.run_once(initial, resume=resume, callback=callback)
-        # The next run works where these stand.
-        own = {name: read_only(getattr(result, name).copy()) for name in ("K", "projection_gain")}
-        self.result = changed(result, **own)
+        is_first = self.result is None
+        with self._pool:
+            result = self.run_once(initial, resume=resume, callback=callback)
+            # The next run works where these stand.
+            own = {name: read_only(copied(getattr(result, name))) for name in ("K", "projection_gain")}
+            self.result = changed(result, **own)
+        if is_first:
+            self._pool.reserve()
         return self.result
 
     def run_once(
@@ -160,8 +166,8 @@ class Optimizer:
             made = OptimizationResult if is_discrete else ContinuousOptimizationResult
             require_instance(resume, "resume", made, "optimize() returns one")
         if isinstance(self.system, DiscreteSystem):
-            if self.free_start is False and initial is not None and not isinstance(initial, OptimizationResult):
-                self.system.check_start(np.atleast_2d(given_start(self.system, initial)[0])[0])
+            if initial is not None:
+                initial = self._checked(self.system, initial)
             # There from the system's own states, and back again.
             for way in (self._remembered, extension):
                 if way is not None:
@@ -185,6 +191,16 @@ class Optimizer:
         result = result if extension is None else extension.result(result)
         result = result if self._remembered is None else self._remembered.result(result)
         return self._doubted(result, warn=warn)
+
+    def _checked(self, system: DiscreteSystem, initial: Any) -> OptimizationResult | tuple[Array, Array]:
+        """Return what was given to start from, or complain."""
+        if isinstance(initial, OptimizationResult):
+            given_start(system, (initial.x, initial.u))
+            return initial
+        x, u = given_start(system, initial)
+        if self.free_start is False:
+            system.check_start(x if x.ndim == 1 else x[0])
+        return x, u
 
     def _begun(self, initial: Any, resume: OptimizationResult | None) -> Problem[Any, Any, Any]:
         """Return the problem at its first iterate, with the memory that the last run has worked in."""
@@ -340,10 +356,11 @@ class Optimizer:
         system, cost, settings = cast(ContinuousSystem, self.system), cast(ContinuousCost, self.cost), self.options
         if settings.shooting == "multiple":
             raise ArgumentError(f"shooting: got {settings.shooting!r} for a continuous system, expected 'single'")
-        if system.charts() is not None:
+        check_space(cost, system)
+        if system.space is None and system.charts() is not None:
             raise ArgumentError(
-                f"system: got a {type(system).__name__} whose states are no plain vectors, expected plain ones in "
-                "continuous time; in steps of time, DiscreteSystem, they may be any"
+                f"system: got a {type(system).__name__} with a difference of states of its own, expected `space` in "
+                "continuous time, where the numbers of states are steered"
             )
         accuracy = settings.accuracy or Accuracy()
         if self.unknowns or any(isinstance(limit, Periodic) for limit in self.limits):

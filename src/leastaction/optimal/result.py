@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from enum import Enum
+from operator import attrgetter
 from types import MappingProxyType
 from typing import Any
 
@@ -14,7 +15,7 @@ from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.dataset import STEP, TIME, Dataset, Savable
 from leastaction.numerics.dataset.plain import plain
-from leastaction.numerics.frozen import Frozen
+from leastaction.numerics.frozen import Frozen, made
 from leastaction.numerics.public import public
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.limit_report import LimitReport
@@ -183,44 +184,48 @@ class HistoryBuilder:
 
     def __init__(self, earlier: OptimizationHistory | None = None) -> None:
         self.cost: list[float] = []
-        self._columns: dict[str, list[Any]] = {name: [] for name in self._COLUMNS}
+        self._rows: list[tuple[Any, ...]] = []
         if earlier is not None:
             self.cost = earlier.cost.tolist()
-            self._columns = {name: list(getattr(earlier, name)) for name in self._COLUMNS}
+            self._rows = list(zip(*(list(getattr(earlier, name)) for name in self._COLUMNS), strict=True))
 
     @property
     def step_lengths(self) -> list[float]:
         """Lengths of the steps so far."""
-        return self._columns["step_length"]
+        return self._column("step_length")
 
     @property
     def expected_decreases(self) -> list[float]:
         """Expected decreases of the steps so far."""
-        return self._columns["expected_decrease"]
+        return self._column("expected_decrease")
 
     @property
     def iterations(self) -> int:
         """Number of iterations so far."""
-        return len(self._columns["method"])
+        return len(self._rows)
 
     def add(self, record: IterationRecord) -> None:
         """Add a record; iteration 0 has a cost and nothing else."""
         self.cost.append(record.cost)
         if record.iteration > 0:
-            for name, column in self._columns.items():
-                column.append(getattr(record, name))
+            self._rows.append(_columns_of(record))
 
     def build(self) -> OptimizationHistory:
         """Return the arrays."""
-        integers = ("rollouts", "cut_at")
-        arrays: dict[str, Any] = {
-            name: np.array(column, dtype=np.int64 if name in integers else np.float64)
-            for name, column in self._columns.items()
-            if name != "method"
+        columns: Any = zip(*self._rows, strict=True) if self._rows else ((),) * len(self._COLUMNS)
+        arrays = {
+            name: column if name == "method" else np.array(column, dtype=_KINDS.get(name, np.float64))
+            for name, column in zip(self._COLUMNS, columns, strict=True)
         }
-        return OptimizationHistory(
-            cost=np.array(self.cost, dtype=np.float64), method=tuple(self._columns["method"]), **arrays
-        )
+        return made(OptimizationHistory, cost=np.array(self.cost, dtype=np.float64), **arrays)
+
+    def _column(self, name: str) -> list[Any]:
+        at = self._COLUMNS.index(name)
+        return [row[at] for row in self._rows]
+
+
+_KINDS: dict[str, type] = {"rollouts": np.int64, "cut_at": np.int64}
+_columns_of = attrgetter(*HistoryBuilder._COLUMNS)
 
 
 @public

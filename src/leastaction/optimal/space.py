@@ -27,7 +27,8 @@ from leastaction.numerics.arrays import Array, as_count
 from leastaction.numerics.differences import fourth_order
 from leastaction.numerics.public import public
 
-Flags = Pattern = npt.NDArray[np.bool_]
+Pattern = npt.NDArray[np.bool_]
+Flags = npt.NDArray[np.bool_]
 
 _STEP, _SECOND = 1e-3, 1e-2  # by which charts are moved for first and second differences of fourth order
 _UNIT = 1e-6  # by which the length of a unit quaternion may be off
@@ -376,3 +377,25 @@ def sizes_of(space: StateSpace | None, x: Array) -> Array:
     if space is not None:
         size = np.einsum("kai,ka->ki", np.abs(space.plus_derivative(x)), size)
     return np.asarray(1.0 + size.max(axis=0))
+
+
+# ---- Derivatives by the numbers of states, as continuous time takes them ----------------------------------------
+
+
+def by_numbers(space: StateSpace | None, x: Array, J: Array) -> Array:
+    """Return derivatives (n, m, nx + k) by the numbers of states x (n, nx) of those (n, m, ndx + k) by differences."""
+    if space is None:
+        return J
+    own, rest = J[..., : space.ndx], J[..., space.ndx :]
+    return np.concatenate([own @ space.changes(x), rest], axis=-1)
+
+
+def bent_by_numbers(space: StateSpace | None, x: Array, slope: Array, H: Array) -> Array:
+    """Return second derivatives (n, nx + k, nx + k) likewise, of a function with this slope (n, ndx + k)."""
+    if space is None:
+        return H
+    nx, ndx = space.nx, space.ndx
+    half = by_numbers(space, x, H)
+    out = by_numbers(space, x, np.swapaxes(half, -1, -2))
+    out[..., :nx, :nx] += space.changes_curvature(x, slope[..., :ndx])
+    return out

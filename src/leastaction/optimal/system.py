@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -131,13 +131,16 @@ class System(ABC):
     space: StateSpace | None = None
     """How states differ and move; None where they are plain vectors."""
 
+    by_numbers: ClassVar[bool] = False
+    """Whether derivatives and gains are by the numbers of a state, whatever its space, as in continuous time."""
+
     has_curvature: bool = True
     """Whether `curvature` is available; without it Newton's method is not offered."""
 
     @cached_property
     def ndx(self) -> int:
-        """Number of entries of a difference of states: directions in which a state moves."""
-        return self.nx if self.space is None else self.space.ndx
+        """Number of entries of a state that derivatives are by: of a difference, directions in which it moves."""
+        return self.nx if self.space is None or self.by_numbers else self.space.ndx
 
     @abstractmethod
     def f(self, x: Array, u: Array, when: Any, /) -> Array:

@@ -17,18 +17,22 @@ from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.sensitivity import start_by, velocity_by
 from leastaction.mechanics.elements.units import rate_of
+from leastaction.mechanics.mechanism.kinematics import Kinematics
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.units import input_units, state_units
+from leastaction.mechanics.mechanism.turns import moved
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.dataset import Dataset
 from leastaction.numerics.frozen import changed
 from leastaction.numerics.public import public
 from leastaction.optimal.continuous import ContinuousSystem
 from leastaction.optimal.quantity import Quantity
+from leastaction.optimal.space import bent_by_numbers, by_numbers
 from leastaction.optimal.system import FINAL_TIME, Linearization
 from leastaction.systems.quantities.continuous import KINDS, points_of, quantity_of
 from leastaction.systems.quantities.physical import conditions_of
 from leastaction.systems.saving import dataset_with_multipliers
+from leastaction.systems.state_space import space_of_states
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,10 @@ class MechanismSystem(ContinuousSystem):
     State ``x = [q; rho; v; v_rho]``, input ``u = [inputs; rho_a]`` with the accelerations of the kinematic
     variables. Samples of whole trajectories are differentiated in the core, on several threads.
 
+    Rotations that are quaternions are steered as the four numbers that they are: all derivatives are by them, and
+    gains are (nu, nx). Their rate ``q' = q (0, w) / 2`` keeps their length, and what rounding or a mesh makes of it is
+    without effect. `space` says how a cost takes differences: ``ContinuousQuadraticCost(..., space=system)``.
+
     A constrained mechanism starts on its constraints and stays there to the accuracy of the integration;
     `ContinuousDynamics` with Baumgarte's stabilisation holds it there longer.
 
@@ -63,7 +71,9 @@ class MechanismSystem(ContinuousSystem):
     def __init__(self, dynamics: ContinuousDynamics | Mechanism) -> None:
         self.dynamics = as_dynamics(dynamics)
         self.mechanism = m = self.dynamics.mechanism
-        self.nx, self.nu = 2 * m.nq, m.n_inputs + m.nrho
+        self.kinematics = Kinematics(m)
+        self.space = space_of_states(m)
+        self.nx, self.nu = m.nx, m.n_inputs + m.nrho
         self.has_curvature = not any(element.equations and element.highest_order < 4 for element in m.elements.values())
 
     def f(self, x: Array, u: Array, t: float) -> Array:
@@ -73,12 +83,12 @@ class MechanismSystem(ContinuousSystem):
     def rates(self, x: Array, u: Array, t: Array) -> Array:
         m = self.mechanism
         nq, nd = m.nq, m.nd
-        points = points_of(self.mechanism, x, u)
+        points = points_of(m, x, u)
         out = self.dynamics.core.accelerations(*points, self.dynamics.threads)
         if out.solved != len(x):
             self._explain(points, t)
-        rates = np.empty((len(x), 2 * nq))
-        rates[:, :nq] = x[:, nq:]
+        rates = np.empty((len(x), m.nx))
+        rates[:, :nq] = self.kinematics.rates(x[:, :nq], x[:, nq:])
         rates[:, nq : nq + nd] = out.a
         rates[:, nq + nd :] = u[:, m.n_inputs :]
         return rates
@@ -87,6 +97,8 @@ class MechanismSystem(ContinuousSystem):
         self, h: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
     ) -> int:
         kind = type(self)
+        if self.space is not None:
+            return 0
         if kind.rates is not MechanismSystem.rates or kind.f is not MechanismSystem.f:
             return 0  # its own rates count
         return self.dynamics.core.roll_out_pieces(h, matrix, *reference, K, z, u)
@@ -101,11 +113,16 @@ class MechanismSystem(ContinuousSystem):
     def linearize(self, x: Array, u: Array, t: Array) -> Linearization:
         m = self.mechanism
         nq, nd = m.nq, m.nd
-        slopes = self.dynamics.linearize(*points_of(self.mechanism, x, u), t).all
+        slopes = self.dynamics.linearize(*points_of(m, x, u), t).all
         J = np.zeros((len(x), self.nx, self.nx + self.nu))
-        rows = np.arange(nq)
-        J[:, rows, nq + rows] = 1.0
-        J[:, nq : nq + nd] = slopes[:, :nd]
+        if self.space is None:
+            rows = np.arange(nq)
+            J[:, rows, nq + rows] = 1.0
+            J[:, nq : nq + nd] = slopes[:, :nd]
+        else:
+            J[:, :nq, :nq] = self.kinematics.rates_by_configuration(x[:, nq:])
+            J[:, :nq, nq : self.nx] = self.kinematics.directions(x[:, :nq])
+            J[:, nq : nq + nd] = by_numbers(self.space, x, slopes[:, :nd])
         kinematic = np.arange(m.nrho)
         J[:, nq + nd + kinematic, self.nx + m.n_inputs + kinematic] = 1.0
         second = partial(self.curvatures, x.copy(), u.copy(), t.copy())
@@ -113,8 +130,16 @@ class MechanismSystem(ContinuousSystem):
 
     def curvatures(self, x: Array, u: Array, t: Array, z: Array) -> Array:
         m = self.mechanism
-        z_a = np.ascontiguousarray(z[:, m.nq : m.nq + m.nd])
-        return self.dynamics.curvature(*points_of(self.mechanism, x, u), t, z_a=z_a)
+        points, z_a = points_of(m, x, u), np.ascontiguousarray(z[:, m.nq : m.nq + m.nd])
+        found = self.dynamics.curvature(*points, t, z_a=z_a)
+        if self.space is None:
+            return found
+        slope = np.einsum("ka,kai->ki", z_a, self.dynamics.linearize(*points, t).all[:, : m.nd])
+        found = bent_by_numbers(self.space, x, slope, found)
+        turning = self.kinematics.rates_by_both(z[:, : m.nq])
+        found[:, : m.nq, m.nq : m.nx] += turning
+        found[:, m.nq : m.nx, : m.nq] += turning.transpose(0, 2, 1)
+        return found
 
     @property
     def autonomous(self) -> bool:  # type: ignore[override]
@@ -177,7 +202,8 @@ class MechanismSystem(ContinuousSystem):
     def _remade(self, mechanism: Mechanism) -> Self:
         own = self.dynamics
         settings = {name: getattr(own, name) for name in ("constraint_damping", "constraint_stiffness", "threads")}
-        return changed(self, mechanism=mechanism, dynamics=ContinuousDynamics(mechanism, **settings))
+        dynamics = ContinuousDynamics(mechanism, **settings)
+        return changed(self, mechanism=mechanism, dynamics=dynamics, kinematics=Kinematics(mechanism))
 
     def conditions_of(self, names: Sequence[str]) -> list[Quantity]:
         return conditions_of(self.mechanism, names)
@@ -195,7 +221,7 @@ class MechanismSystem(ContinuousSystem):
         if not m.nc or not numbers:
             return out
         entries = () if free is False else range(m.nq) if free is True else self.free_entries(list(free))
-        hold = [name for i, name in enumerate(m.variables) if i not in entries]
+        hold = [name for i, name in enumerate(m.coordinates) if i not in entries and name in m.variables]
         columns = [list(names).index(name) for name in numbers]
         q, v = np.ascontiguousarray(x[: m.nq]), np.ascontiguousarray(x[m.nq :])
         try:
@@ -206,7 +232,8 @@ class MechanismSystem(ContinuousSystem):
                 f"unknowns: too little of the start is free to follow: {error}, or give free_start=True"
             ) from None
         rows = np.arange(m.nd)[:, None]
-        out[rows, columns], out[m.nq + rows, columns] = dq, dv
+        out[: m.nq, columns] = self.kinematics.directions(q)[:, : m.nd] @ dq
+        out[m.nq + rows, columns] = dv
         return out
 
     # ---- What it is asked -------------------------------------------------------------------------
@@ -224,26 +251,36 @@ class MechanismSystem(ContinuousSystem):
         """
         m = self.mechanism
         chosen = list(range(self.nx)) if free is None else self.free_entries(free)
-        whole = np.eye(self.nx)[:, chosen]
+        whole = np.eye(self.nx)
+        if self.space is not None:
+            # A direction is free where all is that it moves.
+            stays = np.ones(self.nx, dtype=np.bool_)
+            stays[chosen] = False
+            chosen = np.flatnonzero(~self.space.pattern[stays].any(axis=0)).tolist()
+            whole = self.space.plus_derivative(x)
+        whole = whole[:, chosen]
         if not m.nc:
             return whole
         q, v = np.ascontiguousarray(x[: m.nq]), x[m.nq :]
         Dh, h = m.constraint_jacobian(q), 1e-6
         # Directions may be off by a difference's error: `moved_start` brings the state back onto the constraints.
-        turned = (m.constraint_jacobian(q + h * v) - m.constraint_jacobian(q - h * v)) / (2.0 * h)
+        ends = moved(m, np.stack([q, q]), h * np.stack([v, -v]))
+        turned = (m.constraint_jacobian(ends[0]) - m.constraint_jacobian(ends[1])) / (2.0 * h)
         held = np.block([[Dh, np.zeros_like(Dh)], [turned, Dh]])
         return np.asarray(whole @ NullSpace.of(held[:, chosen]).basis)
 
     def moved_start(self, x: Array, dx: Array) -> Array:
         """Return an initial state moved along its directions, and brought back onto the constraints."""
         m = self.mechanism
-        moved = x + dx
+        there = x + dx
+        there[: m.nq] = self.kinematics.on_space(there[: m.nq])
         if m.nc:
-            q = np.ascontiguousarray(moved[: m.nq])
-            still = [name for name, change in zip(m.variables, dx[: m.nq], strict=True) if change == 0.0]
+            q = np.ascontiguousarray(there[: m.nq])
+            still = [name for name, change in zip(m.coordinates, dx[: m.nq], strict=True) if change == 0.0]
+            still = [name for name in still if name in m.variables]
             q = project_configuration(m, q, hold=still, move_kinematic=True).q
-            moved = np.concatenate([q, project_velocity(m, q, moved[m.nq :]).v])
-        return moved
+            there = np.concatenate([q, project_velocity(m, q, there[m.nq :]).v])
+        return there
 
     def _explain(self, points: tuple[Array, Array, Array, Array], t: Array) -> None:
         """Raise the error that says why there are no accelerations."""

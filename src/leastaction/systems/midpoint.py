@@ -19,6 +19,7 @@ from leastaction.errors import (
 )
 from leastaction.mechanics.configuration.assembly import check_consistent, project_configuration
 from leastaction.mechanics.configuration.null_space import NullSpace
+from leastaction.mechanics.discrete.balance import balance_of
 from leastaction.mechanics.discrete.linearization import StepDerivatives, step_pattern
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.outcome import quality_of, step_error
@@ -29,16 +30,16 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.units import input_units, multiplier_units, state_units
 from leastaction.numerics.arrays import Array, as_number, as_times, require_instance
 from leastaction.numerics.dataset import Dataset
-from leastaction.numerics.frozen import changed, restore_state, saved_state
+from leastaction.numerics.frozen import changed, made, restore_state, saved_state
 from leastaction.numerics.public import public
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, check_window
 from leastaction.optimal.quantity import Quantity
-from leastaction.optimal.space import ProductSpace, Rotations, StateSpace, Vectors
 from leastaction.optimal.system import FINAL_TIME, Linearization
 from leastaction.systems.quantities.discrete import ACROSS, KINDS, quantity_of
 from leastaction.systems.quantities.physical import conditions_of
 from leastaction.systems.saving import dataset_with_multipliers
+from leastaction.systems.state_space import space_of_states
 
 _RESOLVED = 0.7  # angle (rad) by which a variable may turn within a step that follows its motion
 _OFF = 1e-6  # about the distance from the constraints at which a motion may begin, as far as rounded numbers go
@@ -78,7 +79,7 @@ class MidpointSystem(DiscreteSystem):
         self.multipliers = multipliers
         self.nx = m.nx + (m.nc if multipliers else 0)
         self.nu = m.n_inputs + m.nrho
-        self.space = _space_of(m, multipliers=multipliers)
+        self.space = space_of_states(m, beside=m.nc if multipliers else 0)
         self.N = len(self.t) - 1
         self.first_share = 1.0
         self._pattern = step_pattern(m, multipliers=multipliers)
@@ -123,7 +124,8 @@ class MidpointSystem(DiscreteSystem):
         worst, found = result.worst_step, list[Warning]()
         if worst is not None and worst.is_coarse:
             found.append(CoarseStepWarning(str(worst)))
-        complaint = self.integrator.balance(self.motion(result)).complaint
+        vi, x = self.integrator, self._bare(result.x)
+        complaint = balance_of(self.t, vi.core.energies(self.t, x, result.u, self._impulses(x, result.u))).complaint
         return [*found, EnergyBalanceWarning(complaint)] if complaint else found
 
     def dataset(self, result: Any) -> Dataset:
@@ -371,7 +373,7 @@ class MidpointSystem(DiscreteSystem):
             failure = self._failure(out.status, worst, start + done)
         x = self._states(out.x[: done + 1], out.lam[:done], x0)
         at = None if worst is None else start + out.worst.k
-        return Rollout(x, out.u[:done], done, failure, worst, at)
+        return made(Rollout, x=x, u=out.u[:done], steps_done=done, failure=failure, worst_step=worst, worst_at=at)
 
     def linearize_by(
         self, x: Array, u: Array, names: Sequence[str], out: Linearization | None = None
@@ -387,7 +389,10 @@ class MidpointSystem(DiscreteSystem):
         return self._linearization(self._linearize(self.t, x, u, self.first_share, _memory_of(out)))
 
     def _linearization(self, d: StepDerivatives) -> Linearization:
-        return Linearization(d.A_all, d.B_all, d.curvature_all, d, self._pattern, d.packed_curvature_all)
+        return made(
+            Linearization, A=d.A_all, B=d.B_all, second=d.curvature_all, memory=d, pattern=self._pattern,
+            packed=d.packed_curvature_all,
+        )  # fmt: skip
 
     def step_each(self, x: Array, u: Array) -> Rollout:
         if type(self).f is not MidpointSystem.f:
@@ -414,8 +419,11 @@ class MidpointSystem(DiscreteSystem):
     def trajectory(self, x: Array, u: Array) -> Trajectory:
         """Return states (N+1, nx) and inputs (N, nu) of this system as a `Trajectory`, multipliers and all."""
         x = self._bare(x)
-        lam = self._linearize(self.t, x, u, self.first_share).lam
-        return self.integrator.trajectory(self.t, x, u, lam)
+        return self.integrator.trajectory(self.t, x, u, self._impulses(x, u))
+
+    def _impulses(self, x: Array, u: Array) -> Array:
+        """Return the multipliers (N, nc) of every step along states without them."""
+        return self._linearize(self.t, x, u, self.first_share).lam if self.mechanism.nc else np.empty((len(u), 0))
 
     def states_along(self, q: Array, p: Array, v_rho: Array | None = None) -> Array:
         """Return the states (N+1, nx) of a motion with these configurations and momenta; multipliers in them are zero.
@@ -511,19 +519,3 @@ def _memory_of(out: Linearization | None) -> StepDerivatives | None:
             f"out: got a linearization with the memory {type(memory).__name__}, expected one that this system returned"
         )
     return memory
-
-
-def _space_of(m: Mechanism, *, multipliers: bool) -> StateSpace | None:
-    """Return where the states of a mechanism live; None where they are plain vectors."""
-    if not m.tree.rotations:
-        return None
-    firsts = {rotation.quaternion[0] for rotation in m.tree.rotations}
-    parts: list[StateSpace] = []
-    plain, i = 0, 0
-    while i < m.nq:
-        if m.coordinates[i] in firsts:
-            parts += [Vectors(plain), Rotations()] if plain else [Rotations()]
-            plain, i = 0, i + 4
-        else:
-            plain, i = plain + 1, i + 1
-    return ProductSpace(*parts, Vectors(plain + m.nv + (m.nc if multipliers else 0)))

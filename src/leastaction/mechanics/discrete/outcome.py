@@ -11,6 +11,7 @@ from leastaction.mechanics.configuration.contradiction import find_contradiction
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.frozen import made
 from leastaction.numerics.step_quality import StepQuality
 
 _REASONS = {
@@ -24,10 +25,11 @@ _REASONS = {
 def quality_of(mechanism: Mechanism, out: _core.RollOut, t: Array) -> StepQuality | None:
     """Return the coarsest step of a roll-out over the times t; None if it made none."""
     worst = out.worst
-    if worst.k < 0:
+    k, variable = worst.k, worst.variable
+    if k < 0:
         return None
-    name = mechanism.variables[worst.variable] if worst.variable >= 0 else ""
-    return StepQuality(float(t[worst.k]), worst.s, worst.angle, name)
+    name = mechanism.variables[variable] if variable >= 0 else ""
+    return made(StepQuality, t=float(t[k]), s=worst.s, angle=worst.angle, variable=name)
 
 
 def step_error(m: Mechanism, out: _core.RollOut, state: State, rho_next: Array) -> StepError:

@@ -49,27 +49,37 @@ class Kinematics:
         return out
 
     def rates_by_configuration(self, v: Array) -> Array:
-        """Return the derivative (nq, nq) of `rates` by the numbers of a configuration."""
-        out = np.zeros((self.mechanism.nq, self.mechanism.nq))
+        """Return the derivatives (..., nq, nq) of `rates` by the numbers of a configuration."""
+        out = np.zeros((*v.shape[:-1], self.mechanism.nq, self.mechanism.nq))
         for at, by in self.turns:
-            turn = np.concatenate([[0.0], v[by : by + 3]])
-            out[at : at + 4, at : at + 4] = 0.5 * np.transpose([rotations.product(e, turn) for e in np.eye(4)])
+            turn = np.concatenate([np.zeros((*v.shape[:-1], 1)), v[..., by : by + 3]], axis=-1)
+            columns = [rotations.product(e, turn) for e in np.eye(4)]
+            out[..., at : at + 4, at : at + 4] = 0.5 * np.stack(columns, axis=-1)
         return out
 
     def directions(self, q: Array) -> Array:
-        """Return N (nq, nv)."""
+        """Return N (..., nq, nv)."""
         m = self.mechanism
         if not self.turns:
-            return np.eye(m.nq)
-        return np.transpose([self.rates(q, e) for e in np.eye(m.nv)])
+            return np.broadcast_to(np.eye(m.nq), (*q.shape, m.nq))
+        return np.stack([self.rates(q, np.broadcast_to(e, (*q.shape[:-1], m.nv))) for e in np.eye(m.nv)], axis=-1)
 
     def changes(self, q: Array) -> Array:
-        """Return the derivative (nv, nq) of small differences ``N^-1 dq`` by the numbers of a configuration."""
-        if not self.turns:
-            return np.eye(self.mechanism.nq)
+        """Return the derivatives (..., nv, nq) of small differences ``N^-1 dq`` by the numbers of a configuration."""
         N = self.directions(q)
         # Columns are orthogonal, those of a rotation half as long as its quaternion.
-        return np.asarray(N.T / np.sum(N * N, axis=0)[:, None])
+        return np.asarray(np.swapaxes(N / np.sum(N * N, axis=-2, keepdims=True), -1, -2))
+
+    def rates_by_both(self, z: Array) -> Array:
+        """Return the second derivatives (..., nq, nv) of ``z . N(q) v`` by the numbers of q, then v; z (..., nq)."""
+        m = self.mechanism
+        out = np.zeros((*z.shape, m.nv))
+        for at, by in self.turns:
+            for i in range(3):
+                turn = np.eye(4)[i + 1]
+                moved = np.stack([0.5 * rotations.product(e, turn) for e in np.eye(4)], axis=-1)
+                out[..., at : at + 4, by + i] = z[..., at : at + 4] @ moved
+        return out
 
     def on_space(self, q: Array) -> Array:
         """Return a configuration (nq,) with quaternions of unit length."""

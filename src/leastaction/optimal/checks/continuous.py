@@ -34,7 +34,7 @@ def compare_continuous(
     errors = Errors()
     note = errors.note
     for i, t in enumerate(times.tolist()):
-        errors.compare(system, x[i], u[i], t, z[i])
+        errors.compare_numbers(system, x[i], u[i], t, z[i])
         if cost is not None:
             _compare_rate(cost, np.concatenate([x[i], u[i]]), nx, t, note)
     A_all, B_all = system.linearize(x, u, times)

@@ -18,7 +18,7 @@ from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult
 from leastaction.optimal.discrete.cost import Cost
-from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.discrete.system import DiscreteSystem, given_start
 from leastaction.optimal.line_search import Trial
 from leastaction.optimal.loop import Problem
 from leastaction.optimal.options import Method, Options
@@ -114,7 +114,8 @@ def cost_along(
     if isinstance(system, DiscreteSystem):
         require_instance(cost, "cost", Cost, "such as a QuadraticCost")
         made = DiscreteProblem(system, cast(Cost, cost).over(system.N), settings)
-        given = (initial.x, initial.u) if isinstance(initial, OptimizationResult) else initial
+        pair = (initial.x, initial.u) if isinstance(initial, OptimizationResult) else initial
+        given: Any = given_start(system, pair)
     else:
         require_instance(cost, "cost", ContinuousCost, "such as a ContinuousQuadraticCost")
         made = ContinuousProblem(system, cast(ContinuousCost, cost), settings, Accuracy(), horizon)

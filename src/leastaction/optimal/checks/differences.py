@@ -34,7 +34,11 @@ class Errors(dict[str, float]):
         space = system.charts()
         if space is not None:
             self._compare_charts(system, space, x, u, when, z)
-            return
+        else:
+            self.compare_numbers(system, x, u, when, z)
+
+    def compare_numbers(self, system: System, x: Array, u: Array, when: Any, z: Array) -> None:
+        """Compare those by the numbers of the state, as all are in continuous time."""
         n, at = x.size, np.concatenate([x, u])
         A, B = system.derivatives(x, u, when)
         J = central_differences(lambda y: system.f(y[:n], y[n:], when), at)

@@ -14,6 +14,7 @@ from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
 from leastaction.optimal.collocation.system import NodeLayout
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.limit_report import LimitState
+from leastaction.optimal.limits.charts import numbered
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Entries, Instants, Quantity, QuantityElsewhere, Samples
@@ -87,6 +88,7 @@ def stated(limits: Sequence[Limit], system: ContinuousSystem, mesh: RadauMesh, f
     """Return the sides of limits on a mesh. ``first``: the first point at which states are limited."""
     points, layout, found = Points(system, mesh), NodeLayout(system.nx, system.nu), []
     for side in (side for limit in limits for side in limit.rows(points, first)):
+        quantity = numbered(side.quantity, system.space)
         if side.quantity.looks_ahead:
             raise ArgumentError(
                 f"{side.limit}: it depends on the next instant, which there is none of in continuous time"
@@ -101,7 +103,7 @@ def stated(limits: Sequence[Limit], system: ContinuousSystem, mesh: RadauMesh, f
             rows.append(
                 replace(
                     side,
-                    quantity=_at_stage(side.quantity, layout, stage),
+                    quantity=_at_stage(quantity, layout, stage),
                     bounds=side.bounds[here],
                     k=-(-side.k[here] // STAGES),
                     start=side.start if stage == STAGES - 1 else None,

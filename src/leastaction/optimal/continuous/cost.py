@@ -15,7 +15,7 @@ from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.public import public
 from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
 from leastaction.optimal.cost import check_weight, deviations, matrix_of, owned_row, weigh
-from leastaction.optimal.space import StateSpace
+from leastaction.optimal.space import StateSpace, bent_by_numbers, by_numbers
 from leastaction.optimal.system import System, space_of
 
 
@@ -125,7 +125,8 @@ class ContinuousQuadraticCost(ContinuousCost):
     jumps : sequence of float, optional
         Times (s) where a function that was given jumps, or its slope. Those of a `PiecewisePolynomial` are known.
     space : StateSpace or System, optional
-        How states differ, as of a `QuadraticCost`: Q and Q_final then weigh ndx numbers.
+        How states differ, as of a `QuadraticCost`: Q and Q_final then weigh ndx numbers. Derivatives are by the numbers
+        of the state, as all are in continuous time.
 
     Raises
     ------
@@ -198,14 +199,16 @@ class ContinuousQuadraticCost(ContinuousCost):
         pull = weigh(_as_stages(self.R.samples(t)), u - self.u_wanted.samples(t))
         if self.space is None:
             return RateGradient(weigh(Q, x - wanted), pull)
-        return RateGradient(deviations(self.space, Q, x, wanted).gradient, pull)
+        off = deviations(self.space, Q, x, wanted)
+        return RateGradient(by_numbers(self.space, x, off.gradient[:, None])[:, 0], pull)
 
     def hessian(self, x: Array, u: Array, t: Array) -> RateHessian:  # noqa: ARG002
         Q, R = (_as_stages(weight.samples(t)) for weight in (self.Q, self.R))
         if self.space is None:
             return RateHessian(matrix_of(Q), matrix_of(R), None)
         found = deviations(self.space, Q, x, self.x_wanted.samples(t))
-        return RateHessian(found.squares + found.bend, matrix_of(R), None)
+        bent = bent_by_numbers(self.space, x, found.gradient, found.squares + found.bend)
+        return RateHessian(bent, matrix_of(R), None)
 
     def final_value(self, x: Array, t: float) -> float:
         if self.Q_final is None:
@@ -217,16 +220,16 @@ class ContinuousQuadraticCost(ContinuousCost):
         if self.space is None or self.Q_final is None:
             result: Array = self.final_hessian(x, t) @ self._off(x, self._wanted_last(t))
             return result
-        return np.asarray(deviations(self.space, self.Q_final, x[None], self._wanted_last(t)[None]).gradient[0])
+        off = deviations(self.space, self.Q_final, x[None], self._wanted_last(t)[None])
+        return np.asarray(by_numbers(self.space, x[None], off.gradient[:, None])[0, 0])
 
     def final_hessian(self, x: Array, t: float) -> Array:
         if self.Q_final is None:
-            n = x.size if self.space is None else self.space.ndx
-            return np.zeros((n, n))
+            return np.zeros((x.size, x.size))
         if self.space is None:
             return matrix_of(self.Q_final)
         found = deviations(self.space, self.Q_final, x[None], self._wanted_last(t)[None])
-        return np.asarray((found.squares + found.bend)[0])
+        return np.asarray(bent_by_numbers(self.space, x[None], found.gradient, found.squares + found.bend)[0])
 
     def _off(self, x: Array, wanted: Array) -> Array:
         return x - wanted if self.space is None else self.space.difference(x, wanted)

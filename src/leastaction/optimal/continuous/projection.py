@@ -63,20 +63,20 @@ class Follower:
     feedback: PiecewisePolynomial
     length: float
 
-    def input(self, system: ContinuousSystem, x: Array, t: float) -> Array:
-        """Return the input of a system at a state and a time."""
+    def input(self, x: Array, t: float) -> Array:
+        """Return the input at a state and a time."""
         nx, nu = self.reference.nx, self.reference.nu
         ref, law = self.reference.xu.flat(t), self.feedback.flat(t)
-        u: Array = ref[nx:] - law[: nu * nx].reshape(nu, nx) @ system.difference(x, ref[:nx])
+        u: Array = ref[nx:] - law[: nu * nx].reshape(nu, nx) @ (x - ref[:nx])
         u -= self.length * law[nu * nx :]
         return u
 
-    def inputs(self, system: ContinuousSystem, x: Array, t: Array) -> Array:
-        """Return the inputs (n, nu) of a system at states (n, nx) and times (n,)."""
+    def inputs(self, x: Array, t: Array) -> Array:
+        """Return the inputs (n, nu) at states (n, nx) and times (n,)."""
         nx, nu = self.reference.nx, self.reference.nu
         ref, law = self.reference.xu(t), self.feedback(t)
         K = law[:, : nu * nx].reshape(-1, nu, nx)
-        u: Array = ref[:, nx:] - np.einsum("nij,nj->ni", K, system.difference(x, ref[:, :nx]))
+        u: Array = ref[:, nx:] - np.einsum("nij,nj->ni", K, x - ref[:, :nx])
         u -= self.length * law[:, nu * nx :]
         return u
 
@@ -109,7 +109,7 @@ def roll_out(
 
     def fun(t: float, y: Array) -> Array:
         x = y[:nx]
-        u = follower.input(system, x, t)
+        u = follower.input(x, t)
         rate = np.empty(y.size)
         rate[:nx] = system.f(x, u, t)
         if cost is not None:
@@ -143,7 +143,7 @@ def roll_out(
 
     def both(t: Array) -> Array:
         x = states(t)
-        return np.hstack([x, follower.inputs(system, x, t)])
+        return np.hstack([x, follower.inputs(x, t)])
 
     mesh, values = approximate(both, done.mesh, accuracy.sampling, least)
     trajectory = DenseTrajectory(mesh.fit(values, (values.shape[1],)), nx)

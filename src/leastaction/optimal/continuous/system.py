@@ -23,9 +23,12 @@ _PART = 1e-3  # of a parameter, by which it is moved for differences
 class ContinuousSystem(System):
     """A system in continuous time.
 
-    Subclasses set `nx` and `nu`, and implement what `System` says.
+    Subclasses set `nx` and `nu`, and implement what `System` says. All derivatives are by the nx numbers of a state,
+    and gains act on them, also where not all numbers are states, as of a unit quaternion: a rate that leads from states
+    to states is enough. A `space` says how costs take differences.
     """
 
+    by_numbers = True
     jumps: Sequence[float] = ()
     """Times (s) where f jumps with time, if it does: integrators start anew there."""
     autonomous: bool = False

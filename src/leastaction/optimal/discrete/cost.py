@@ -9,9 +9,11 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from leastaction import _core
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.numerics.pool import empty, zeros
 from leastaction.numerics.public import public
 from leastaction.optimal.cost import Deviations, as_weight, clipped, deviations, final_of, matrix_of, owned_row, weigh
 from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
@@ -245,21 +247,26 @@ class QuadraticCost(Cost):
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
         part = slice(start, start + len(u))
         x_wanted, u_wanted = (w[part] if self._steps else w for w in (self.x_wanted, self.u_wanted))
-        values: Array = 0.5 * (
-            _form(_stages(self.Q, part), self._off(x, x_wanted)) + _form(_stages(self.R, part), u - u_wanted)
-        )
+        if self.space is not None:
+            x, x_wanted = self.space.difference(x, x_wanted), np.zeros(self.space.ndx)
+        values = zeros((len(u),))
+        _core.add_half_squares(x, x_wanted, _stages(self.Q, part), values)
+        _core.add_half_squares(u, u_wanted, _stages(self.R, part), values)
         return values
 
     def final_value(self, x: Array) -> float:
-        return 0.5 * float(_form(self.Q_final, self._off(x, np.atleast_2d(self.x_wanted)[-1])[None])[0])
+        missed = self._off(x, self._last_wanted)
+        return 0.5 * float(missed @ weigh(self.Q_final, missed))
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
-        du = weigh(self.R, u - self.u_wanted)
+        pull = empty(u.shape)
+        _core.weigh_rows(u, self.u_wanted, self.R, pull)
         if self.space is not None:
             stages, last = self._deviations(self.space, x)
-            return CostGradient(stages.gradient, du, last.gradient[0])
-        dx = x - self.x_wanted
-        return CostGradient(weigh(self.Q, dx[:-1]), du, weigh(self.Q_final, dx[-1:])[0])
+            return CostGradient(stages.gradient, pull, last.gradient[0])
+        wanted, stages_pull = self.x_wanted[:-1] if self._steps else self.x_wanted, empty((len(u), x.shape[1]))
+        _core.weigh_rows(x[:-1], wanted, self.Q, stages_pull)
+        return CostGradient(stages_pull, pull, weigh(self.Q_final, x[-1] - self._last_wanted))
 
     def hessian(self, x: Array, u: Array) -> CostHessian:  # noqa: ARG002
         if self.space is None:
@@ -274,6 +281,12 @@ class QuadraticCost(Cost):
             return self.hessian(x, u)
         stages, last = self._deviations(self.space, x)
         return CostHessian(stages.squares, self.R, None, last.squares[0])
+
+    @property
+    def _last_wanted(self) -> Array:
+        """The last wanted state (nx,)."""
+        last: Array = self.x_wanted[-1] if self.x_wanted.ndim == 2 else self.x_wanted
+        return last
 
     def _off(self, x: Array, wanted: Array) -> Array:
         return x - wanted if self.space is None else self.space.difference(x, wanted)
@@ -448,8 +461,3 @@ def _weight_at(weight: Array, k: int) -> Array:
 def _stages(weight: Array, part: slice) -> Array:
     """Return a weight over some of the stages."""
     return weight if weight.ndim < 3 else weight[part]
-
-
-def _form(weight: Array, d: Array) -> Array:
-    """Return ``d'W d`` of every row of d."""
-    return np.asarray(np.einsum("ki,ki->k", d, weigh(weight, d)))

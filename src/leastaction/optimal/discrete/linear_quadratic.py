@@ -13,6 +13,7 @@ The optimal input is ``du = -K dx - C``, the optimal cost from ``dx_0`` is
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any, Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
@@ -23,6 +24,7 @@ from leastaction import _core
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_choice, as_number, require_finite
 from leastaction.numerics.frozen import made
+from leastaction.numerics.pool import empty
 from leastaction.numerics.public import public
 from leastaction.optimal.cost import final_of
 
@@ -240,7 +242,6 @@ def recursion(
     K, C, b, P0 = workspace.K, workspace.C, workspace.b, workspace.P0
     P, factors = workspace.keep() if keep_P else (None, None)
     (Q, Q_diagonal), (R, R_diagonal) = _block(Q), _block(R)
-    small = {"Q": Q, "R": R, "S": S, "q": q, "r": r, "c": c, "Q_final": Q_final, "q_final": q_final}
     columns, matrices = (None, None) if part is None else part
     report = _core.solve_linear_quadratic(
         A,
@@ -251,19 +252,26 @@ def recursion(
         P0,
         P,
         factors,
+        Q=Q,
         Q_diagonal=Q_diagonal,
+        R=R,
         R_diagonal=R_diagonal,
+        S=S,
         H=H,
         H_scale=H_scale,
         part_columns=columns,
         part=matrices,
+        q=q,
+        r=r,
+        c=c,
+        Q_final=Q_final,
+        q_final=q_final,
         regularize=regularize,
         use_structure=use_structure,
         pattern=pattern,
-        **small,
     )
-    status = _core.LinearQuadraticStatus
-    if report.status == status.not_finite:
+    if report.status == _NOT_FINITE:
+        small = {"Q": Q, "R": R, "S": S, "q": q, "r": r, "c": c, "Q_final": Q_final, "q_final": q_final}
         for name, array in small.items():
             if array is not None:
                 require_finite(array, name)
@@ -271,7 +279,7 @@ def recursion(
             f"A, B, H, Q, R or S: got a value that is not finite, met at stage {report.stage} "
             f"(of 0 .. {len(A) - 1}). Look at A[{report.stage}], B[{report.stage}] and that stage's cost."
         )
-    definite = report.status == status.solved
+    definite = report.status == _SOLVED
     if not definite:
         for unread in (K[: report.stage + 1], C[: report.stage + 1], b[: report.stage + 1], P0):
             unread.fill(np.nan)
@@ -425,6 +433,32 @@ def adjoint(
     return z
 
 
+def swept(
+    A: Array, B: Array, law: Law, dx0: Array | None, c: Array | None, pattern: npt.NDArray[np.bool_] | None
+) -> tuple[Array, Array]:
+    """Return what `sweep_forward` does, which looks through what the core does not take; for short iterations."""
+    try:
+        N, nx, nu = B.shape
+        dx, du = empty((N + 1, nx)), empty((N, nu))
+        dx[0] = 0.0 if dx0 is None else dx0
+        _core.sweep_forward(A, B, law.K, law.C, c, dx, du, pattern)
+    except (AttributeError, TypeError, ValueError):
+        return sweep_forward(A, B, law, dx0, c=c, pattern=pattern)
+    return dx, du
+
+
+def adjoint_along(
+    A: Array, B: Array, K: Array, gradient: tuple[Array, Array, Array], pattern: npt.NDArray[np.bool_] | None
+) -> Array:
+    """Return what `adjoint` does, which looks through what the core does not take; for short iterations."""
+    try:
+        z = empty((len(A) + 1, A.shape[1]))
+        _core.sweep_adjoint(A, B, K, *gradient, z, pattern)
+    except (AttributeError, TypeError, ValueError):
+        return adjoint(A, B, K, *gradient, pattern=pattern)
+    return z if isfinite(z[0].sum()) else adjoint(A, B, K, *gradient, pattern=pattern)
+
+
 def _dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:
     # No values are checked here: the recursion meets what is not finite, and names the stage.
     try:
@@ -516,6 +550,9 @@ def _block(weight: Array | None) -> tuple[Array | None, bool]:
     if weight.ndim == 3 and weight.shape[2] == 1:
         return weight.reshape(weight.shape[:2]), True
     return weight, weight.ndim == 1
+
+
+_SOLVED, _NOT_FINITE = _core.LinearQuadraticStatus.solved, _core.LinearQuadraticStatus.not_finite
 
 
 def _message(definite: bool, report: _core.LinearQuadraticReport) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, as_array, read_only, shape_of
+from leastaction.numerics.pool import copied
 from leastaction.numerics.public import public
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.initial import pair_of
@@ -315,7 +316,7 @@ def given_start(system: DiscreteSystem, initial: Any) -> tuple[Array, Array]:
     inputs = as_array(u, "initial u", (N, nu), meaning="(N, nu)")
     if space is not None:
         space.check(states, "initial x")
-    return read_only(states.copy()), read_only(inputs.copy())
+    return read_only(copied(states)), read_only(copied(inputs))
 
 
 def told_of(system: DiscreteSystem) -> dict[str, Any]:

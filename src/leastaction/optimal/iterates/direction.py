@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.pool import empty
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.iterates.gap_filter import OpenCurve
 from leastaction.optimal.loop import Direction
@@ -87,5 +88,6 @@ class DiscreteDirection(Direction):
     def curve(self, space: StateSpace | None, x: Array, u: Array, length: float) -> tuple[Array, Array]:
         """Return the curve whose projection is the iterate at this step length."""
         if self.dx is None or self.du is None:
-            return x, u - length * self.C
+            moved = np.multiply(self.C, length, out=empty(u.shape))
+            return x, np.subtract(u, moved, out=moved)
         return moved_by(space, x, length * self.dx), u + length * self.du

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost, CostGradient
-from leastaction.optimal.discrete.hessians import ModelHessian, between, same
+from leastaction.optimal.discrete.hessians import ModelHessian, between
 from leastaction.optimal.iterates.direction import DiscreteDirection, Iterate, ModelMinimum
 from leastaction.optimal.iterates.here import Here
 from leastaction.optimal.line_search import Refusal, Trial
@@ -117,11 +117,11 @@ class CostMerit(Merit):
     def __init__(self, cost: Cost, here: Here) -> None:
         self.cost, self.here = cost, here
         self._gradient: CostGradient | None = None
-        self._exact: ModelHessian | None = None
-        self._convex: ModelHessian | None = None
+        self._bend: dict[bool, ModelHessian] = {}  # the convex part of the second derivatives, and the whole
 
     def forget(self) -> None:
-        self._gradient = self._exact = self._convex = None
+        self._gradient = None
+        self._bend = {}
 
     def forget_stage(self) -> None:
         self.forget()
@@ -142,14 +142,16 @@ class CostMerit(Merit):
         return self.gradient()
 
     def hessian(self, share: float, along: AlongIterate) -> ModelHessian:  # noqa: ARG002
-        if self._exact is None:
-            self._exact = self.cost.model_hessian(self.here.x, self.here.u, convex=False)
         if share == 1.0:
-            return self._exact
-        if self._convex is None:
-            found = self.cost.model_hessian(self.here.x, self.here.u, convex=True)
-            self._convex = self._exact if same(found, self._exact) else found
-        return between(self._convex, self._exact, share)
+            return self._part(convex=False)
+        convex = self._part(convex=True)
+        return convex if share == 0.0 else between(convex, self._part(convex=False), share)
+
+    def _part(self, *, convex: bool) -> ModelHessian:
+        """Return the convex part of the second derivatives, or all of them."""
+        if convex not in self._bend:
+            self._bend[convex] = self.cost.model_hessian(self.here.x, self.here.u, convex=convex)
+        return self._bend[convex]
 
     def followed(self, direction: DiscreteDirection, along: AlongIterate) -> DiscreteDirection:  # noqa: ARG002
         return direction

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.pool import empty
 from leastaction.optimal.discrete.charts import read_at
 from leastaction.optimal.discrete.cost import CostGradient
 from leastaction.optimal.discrete.descent import escape, minimise_model
@@ -13,8 +14,8 @@ from leastaction.optimal.discrete.linear_quadratic import (
     Law,
     LinearQuadraticSolution,
     Workspace,
-    adjoint,
-    sweep_forward,
+    adjoint_along,
+    swept,
 )
 from leastaction.optimal.discrete.own_projection import OwnProjection
 from leastaction.optimal.discrete.system import DiscreteSystem, linearized
@@ -101,7 +102,7 @@ class Models:
                 gradient = self.merit.lagrangian_gradient()
                 with self.work.clock("lq"):
                     A, B = linearization
-                    costates = adjoint(A, B, here.gain, *gradient, pattern=linearization.pattern)
+                    costates = adjoint_along(A, B, here.gain, gradient, linearization.pattern)
             with self.work.clock("curvature"):
                 self.curvature = linearization.packed_curvature(costates)
         return self.curvature
@@ -199,7 +200,7 @@ class Models:
         """Return the motion of the linear dynamics under a law, which closes gaps."""
         linearization = self.linearize()
         A, B = linearization
-        return sweep_forward(A, B, law, dx0, c=gaps, pattern=linearization.pattern)
+        return swept(A, B, law, dx0, gaps, linearization.pattern)
 
     def motion(self, direction: DiscreteDirection) -> tuple[Array, Array]:
         """Return the changes of states and inputs along a direction."""
@@ -242,16 +243,18 @@ class Models:
 
     def where(self, direction: DiscreteDirection) -> str:
         """Return which input, and when, has most of the decrease that is expected of a direction."""
-        A, B = self.linearize()
-        gradient = self.merit.gradient()
-        z = adjoint(A, B, direction.gain, *gradient)
-        feedforward = -direction.C
+        linearization, gradient = self.linearize(), self.merit.gradient()
+        A, B = linearization
+        z = adjoint_along(A, B, direction.gain, gradient, linearization.pattern)
+        feedforward = direction.C
         if direction.dx is not None and direction.du is not None:
-            feedforward = direction.du + np.einsum("kux,kx->ku", direction.gain, direction.dx[:-1])
+            feedforward = -direction.du - np.einsum("kux,kx->ku", direction.gain, direction.dx[:-1])
         # By the gains of the direction, its slope is that of the feedforward alone.
-        shares = feedforward * (gradient.r + np.einsum("kxu,kx->ku", B, z[1:]))
-        k, i = np.unravel_index(np.argmin(shares), shares.shape)
-        return f"{self.system.input_name(int(i))!r} around {self.system.when(int(k))}"
+        shares = np.matmul(z[1:, None], B, out=empty(gradient.r.shape)[:, None])[:, 0]
+        shares += gradient.r
+        shares *= feedforward
+        k, i = divmod(int(shares.argmax()), shares.shape[1])
+        return f"{self.system.input_name(i)!r} around {self.system.when(k)}"
 
 
 def least_of(model: LinearQuadraticSolution, dx0: Array | None) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isfinite
 
 import numpy as np
 
@@ -12,8 +13,9 @@ from leastaction.optimal.discrete.linear_quadratic import Workspace, regulate
 from leastaction.optimal.discrete.projection import linearize_along_curve
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
 from leastaction.optimal.iterates.models import Models
-from leastaction.optimal.space import apart
+from leastaction.optimal.space import StateSpace, apart
 
+_ROUNDING = 1e-8  # distance of a trajectory from a curve that it is, in parts of its states
 _DEAR = 10.0  # factor in cost over that of its inputs alone by which a projection has lost a curve
 
 
@@ -52,7 +54,7 @@ def _why(system: DiscreteSystem, rollout: Rollout, xbar: Array, ubar: Array, gai
 
 
 def project_curve(models: Models, made: Rollout | None = None) -> None:
-    """Put a trajectory in the place of the curve where the iterate is to be.
+    """Put a trajectory in the place of the curve where the iterate is to be, with what it costs.
 
     A trajectory is its own projection, and what was computed along it stays valid. Of a curve that is none, the
     gains of the cost's regulator may lead far away or nowhere: then the cheapest of several projections is taken.
@@ -64,17 +66,20 @@ def project_curve(models: Models, made: Rollout | None = None) -> None:
     found: list[tuple[float, Rollout, Array]] = []
     failure = ""
 
-    def follow(choose: Callable[[], Array]) -> None:
+    def follow(choose: Callable[[], Array]) -> tuple[Rollout, Array] | None:
         nonlocal failure
         try:
             gain = choose()
-            projected = made or projection_of(models, x, u, gain)
+            return made or projection_of(models, x, u, gain), gain
         except LeastActionError as error:
             failure = str(error)
-            return
-        with np.errstate(over="ignore", invalid="ignore"):
-            value = cost.value(projected.x, projected.u)
-        found.append((value if np.isfinite(value) else np.inf, projected, gain))
+        return None
+
+    def weigh(followed: tuple[Rollout, Array] | None) -> None:
+        if followed is not None:
+            with np.errstate(over="ignore", invalid="ignore"):
+                value = cost.value(followed[0].x, followed[0].u)
+            found.append((value if isfinite(value) else np.inf, *followed))
 
     def regulator() -> Array:
         if models.own is not None and models.own.is_users:
@@ -82,22 +87,28 @@ def project_curve(models: Models, made: Rollout | None = None) -> None:
         models.quasi_newton = solution = models.solve("quasi-newton", models.work.held)
         return solution.K if solution.definite else regulate(*models.linearize())
 
-    follow(regulator)
-    off = float(np.abs(apart(models.space, found[0][1].x, x)).max()) if found else np.inf
-    if off <= 1e-8 * (1.0 + float(np.abs(x).max())):
-        here.gain, here.worst_step = found[0][2], found[0][1].worst_step
+    first = follow(regulator)
+    if first is not None and (made is not None or _is_same(models.space, first[0].x, x)):
+        here.worst_step, here.gain, here.value = first[0].worst_step, first[1], cost.value(x, u)
         return
     models.forget()
-    follow(lambda: np.zeros((N, nu, ndx)))
+    weigh(first)
+    weigh(follow(lambda: np.zeros((N, nu, ndx))))
     if not found or found[0][0] > _DEAR * found[-1][0]:
         # The regulator above may not even exist where the curve's next states are no ends of steps.
         along = linearize_along_curve(system, x, u)
         Q, R, _, Q_final = cost.convex_hessian(x, u)
-        follow(lambda: regulate(*along, Q=Q, R=R, Q_final=Q_final))
-        follow(lambda: regulate(*along))
-    elif found:
+        weigh(follow(lambda: regulate(*along, Q=Q, R=R, Q_final=Q_final)))
+        weigh(follow(lambda: regulate(*along)))
+    else:
         del found[1:]
     if not found:
         raise ProjectionError(f"initial: {failure.removeprefix('initial: ')}")
-    _, projected, here.gain = min(found, key=lambda each: each[0])
+    value, projected, here.gain = min(found, key=lambda each: each[0])
     here.move(projected.x, projected.u, projected.worst_step)
+    here.value = value if isfinite(value) else cost.value(here.x, here.u)
+
+
+def _is_same(space: StateSpace | None, x: Array, curve: Array) -> bool:
+    """Whether the states of a trajectory are those of a curve, but for rounding."""
+    return float(np.abs(apart(space, x, curve)).max()) <= _ROUNDING * (1.0 + float(np.abs(curve).max()))

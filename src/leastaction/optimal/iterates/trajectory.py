@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.frozen import made
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution
 from leastaction.optimal.iterates.direction import DiscreteDirection, Iterate
 from leastaction.optimal.iterates.models import Models, least_of
@@ -33,7 +34,10 @@ class TrajectorySteps(Steps):
         models.feedback = model.K if own_gain is None else own_gain
         # The model's minimum is half of its linear part.
         slope = 2.0 * least_of(model, dx0)
-        return DiscreteDirection(method, slope, scale, shift, gain=models.feedback, C=model.C, dx=dx, du=du, dx0=dx0)
+        return made(
+            DiscreteDirection, method=method, slope=slope, curvature_scale=scale, shift=shift, gain=models.feedback,
+            C=model.C, dx=dx, du=du, dx0=dx0,
+        )  # fmt: skip
 
     def first_step(self, direction: DiscreteDirection, length: float) -> float:
         return self.models.merit.first_step(direction, length)

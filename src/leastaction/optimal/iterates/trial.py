@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isfinite
 
 import numpy as np
 
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.pool import empty
 from leastaction.numerics.step_quality import StepQuality, coarsest
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.system import DiscreteSystem
@@ -45,17 +47,17 @@ def try_projection(
     ``explain``: returns a better reason, if there is one, from the states up to where it ended.
     """
     xbar, ubar, gain = curve
-    x, u = np.empty_like(xbar), np.empty_like(ubar)
+    x, u = empty(xbar.shape), empty(ubar.shape)
     # What a cost is given cannot be written to.
     states, inputs = read_only(x), read_only(u)
     x[0] = x0
-    stage_values = np.empty(system.N)
+    stage_values = empty((system.N,))
     worst_here: StepQuality | None = None
     for start in range(0, system.N, chunk):
         stop = min(start + chunk, system.N)
         part = system.rollout(x[start], xbar, ubar, gain, start, stop)
         done = start + part.steps_done
-        worst_here = coarsest([worst_here, part.worst_step])
+        worst_here = coarsest([worst_here, part.worst_step]) if start else part.worst_step
         x[start + 1 : done + 1] = part.x[1:]
         if not part.complete:
             failed = Refusal(f"the roll-out failed: {part.failure}", done, failed=True, coarsest=worst_here)
@@ -67,8 +69,8 @@ def try_projection(
         u[start:stop] = part.u
         with np.errstate(over="ignore", invalid="ignore"):
             stage_values[start:stop] = cost.stage_values(states[start:stop], inputs[start:stop], start)
-            total = float(np.sum(stage_values[:stop]))
-            if not np.isfinite(total) or (cost.nonnegative and total > bound):
+            total = float(stage_values[:stop].sum())
+            if not isfinite(total) or (cost.nonnegative and total > bound):
                 k, reason = _spent(stage_values[:stop], bound, system)
                 return explain(x[: k + 1], Refusal(reason, k))
             if stop == system.N:

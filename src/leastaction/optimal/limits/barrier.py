@@ -23,8 +23,7 @@ import numpy as np
 
 from leastaction import _core
 from leastaction.numerics.arrays import Array
-
-_GUESS = 0.1  # of its price is the first dual of a limit that is not met
+from leastaction.numerics.pool import empty
 
 
 class Split(NamedTuple):
@@ -50,15 +49,20 @@ def split(c: Array, mu: float, rho: Array) -> Split:
     rho : ndarray (n,)
         Price of an excess, in units of the cost by those of the limit.
     """
-    slack, excess = np.empty_like(c), np.empty_like(c)
+    slack, excess = empty(c.shape), empty(c.shape)
     return Split(slack, excess, _core.barrier_split(c, mu, rho, slack, excess))
 
 
 def stiffness(part: Split, rho: Array, y: Array) -> Array:
     """Return ``-dy/dc`` of the primal-dual model at the duals y."""
-    out = np.empty_like(y)
+    out = empty(y.shape)
     _core.barrier_stiffness(part.slack, part.excess, rho, y, out)
     return out
+
+
+def off_center(part: Split, rho: Array, y: Array) -> float:
+    """Return the largest product of a dual with its slack, or of what its price has left with its excess."""
+    return _core.barrier_off_center(part.slack, part.excess, rho, y)
 
 
 def barrier_step(
@@ -90,7 +94,7 @@ def advanced(at: Point, mu: float, rho: Array, dc: Array, *, fall: float, bend: 
 
     The model is that of barriers and of something else, with the derivatives ``fall`` and ``bend`` along it.
     """
-    c, slack, excess, y = (np.empty_like(dc) for _ in range(4))
+    c, slack, excess, y = (empty(dc.shape) for _ in range(4))
     length, value = _core.barrier_advance(
         at.c, at.part.slack, at.part.excess, mu, rho, at.y, dc, fall, bend, c, slack, excess, y
     )
@@ -103,7 +107,9 @@ def first_duals(barrier: Array, rho: Array) -> Array:
     Of a limit that is not met the barrier is all but linear. With a small dual its model has its minimum where the
     limit is just met.
     """
-    return np.where(barrier > 0.5 * rho, _GUESS * rho, barrier)
+    out = empty(barrier.shape)
+    _core.barrier_first_duals(barrier, rho, out)
+    return out
 
 
 def moved_duals(part: Split, mu: float, rho: Array, y: Array, dc: Array, after: Split) -> Array:
@@ -111,6 +117,6 @@ def moved_duals(part: Split, mu: float, rho: Array, y: Array, dc: Array, after: 
 
     ``after``: slack and excess where it leads to.
     """
-    out = np.empty_like(y)
+    out = empty(y.shape)
     _core.barrier_move_duals(part.slack, part.excess, mu, rho, y, dc, after.slack, out)
     return out

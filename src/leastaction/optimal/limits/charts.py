@@ -1,4 +1,4 @@
-"""Limits on entries of states that are no plain vectors: derivatives by charts, in place of those by entries."""
+"""Limits on states that are no plain vectors: derivatives by charts in place of those by entries, and back."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Instants, Quantity, QuantityView, Samples, wholes_apart
-from leastaction.optimal.space import StateSpace
+from leastaction.optimal.space import StateSpace, bent_by_numbers, by_numbers
 
 
 class ChartedQuantity(QuantityView):
@@ -67,6 +67,62 @@ class ChartedQuantity(QuantityView):
         moves = np.zeros((n, nx + nu, ndx + nu))
         moves[:, :nx, :ndx], moves[:, nx:, ndx:] = P, np.eye(nu)
         return moves
+
+
+class NumberedQuantity(QuantityView):
+    """A quantity that derives itself by directions of a state (ndx), with derivatives by its numbers (nx).
+
+    For continuous time, where numbers are steered; those of a mesh may be a little off the states.
+    """
+
+    def __init__(self, whole: Quantity, space: StateSpace) -> None:
+        super().__init__(whole)
+        self.space, self.by_entries = space, True
+
+    def instants(self, k: Instants) -> Instants:
+        return k
+
+    def columns(self, nx: int, nu: int) -> None:
+        """Return None: it may depend on all."""
+
+    def values(self, at: Samples) -> Array:
+        return self.whole.values(self._states(at))
+
+    def apart(self, other: Quantity, k: Instants) -> Array | None:
+        return wholes_apart(self, other, k)
+
+    def jacobian(self, at: Samples) -> Array:
+        return by_numbers(self.space, at.x, self._slopes(self._states(at)))
+
+    def curvature(self, at: Samples, y: Array) -> Array:
+        there = self._states(at)
+        slope = np.einsum("kmi,km->ki", self._slopes(there), y)
+        bent = np.zeros((*slope.shape, slope.shape[1]))
+        own = self.whole.curvature(there, y)
+        if own is not None:
+            places = self._places(at)
+            bent[:, places[:, None], places] = own
+        return bent_by_numbers(self.space, at.x, slope, bent)
+
+    def _states(self, at: Samples) -> Samples:
+        """Return the samples with states in place of numbers that are near them."""
+        return at._replace(x=self.space.plus(at.x, np.zeros((len(at.x), self.space.ndx))))
+
+    def _places(self, at: Samples) -> Instants:
+        ndx, nu = self.space.ndx, at.u.shape[1]
+        found = self.whole.columns(ndx, nu)
+        return np.arange(ndx if self.of_state else ndx + nu) if found is None else found
+
+    def _slopes(self, at: Samples) -> Array:
+        size = self.space.ndx + (0 if self.of_state else at.u.shape[1])
+        whole = np.zeros((len(at.k), len(self.names), size))
+        whole[:, :, self._places(at)] = self.whole.jacobian(at)
+        return whole
+
+
+def numbered(quantity: Quantity, space: StateSpace | None) -> Quantity:
+    """Return a quantity with derivatives by numbers of states, as those of plain vectors are anyway."""
+    return quantity if space is None or quantity.by_entries else NumberedQuantity(quantity, space)
 
 
 def charted(rows: Sequence[Rows], space: StateSpace | None) -> list[Rows]:

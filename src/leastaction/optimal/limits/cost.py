@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.pool import copied, empty
 from leastaction.optimal.cost import is_diagonal, own_matrices
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import ModelHessian, same
@@ -54,6 +55,9 @@ class LimitedCost:
             SideLayout([r.bounds.shape for r in self.rows]),
         )
         self.layout = self.duals.layout
+        self.instants: list[Instants] = [each.k.copy() for each in self.rows]
+        for k in self.instants:
+            k.setflags(write=False)
         self.of_states = EntryRows(self.rows, self.layout, of_state=True, width=nx)
         self.of_inputs = EntryRows(self.rows, self.layout, of_state=False, width=nu)
         self.spare: dict[bool, Weights] = {}  # memory that is used again, of whole and of convex ones
@@ -86,14 +90,17 @@ class LimitedCost:
 
     def with_duals(self, gradient: CostGradient, duals: Sided, jacobians: Jacobians) -> CostGradient:
         """Return the gradient of the cost less the duals times the limits, given that of the cost."""
-        N, nx = gradient.q.shape
-        q, r = np.empty((N + 1, nx)), gradient.r.copy()
-        q[:-1], q[-1] = gradient.q, gradient.q_final
-        self.of_states.add_gradient(duals, q)
-        self.of_inputs.add_gradient(duals, r)
-        for each, jacobian in zip(self.others, jacobians, strict=True):
-            each.rows.add_gradient(jacobian, each.of(duals), q, r)
-        return CostGradient(q[:-1], r, q[-1])
+        q, r, q_final = gradient
+        r = self.of_inputs.pulled(duals, r)
+        if self.others or self.of_states.places.size:
+            whole = empty((len(q) + 1, self.nx))
+            whole[:-1], whole[-1] = q, q_final
+            whole = self.of_states.pulled(duals, whole)
+            r = copied(r) if r is gradient.r else r
+            for each, jacobian in zip(self.others, jacobians, strict=True):
+                each.rows.add_gradient(jacobian, each.of(duals), whole, r)
+            q, q_final = whole[:-1], whole[-1]
+        return CostGradient(q, r, q_final)
 
     def hessian(
         self,
@@ -136,7 +143,7 @@ class LimitedCost:
         if part is not None:
             few.append(part.columns)
         R = R if inputs is None else _with(R, inputs)
-        columns = np.unique(np.concatenate(few))
+        columns = self.columns if len(few) == 1 else np.unique(np.concatenate(few))
         if not len(columns):
             return ModelHessian(Q, R, S, Q_final)
         weights = self._weights(N, columns, whole=share == 1.0)
@@ -175,10 +182,10 @@ class LimitedCost:
 
 
 def _with(weight: Array, diagonal: Array) -> Array:
-    """Return a weight with a diagonal (N, n) of every stage added."""
+    """Return a weight with a diagonal (N, n) of every stage added, which may be written over."""
     if is_diagonal(weight):
-        of_stages: Array = (weight if weight.ndim == 1 else weight[:, :, 0]) + diagonal
-        return of_stages[:, :, None]
+        diagonal += weight if weight.ndim == 1 else weight[:, :, 0]
+        return diagonal[:, :, None]
     n = weight.shape[-1]
     full = own_matrices(weight, (len(diagonal), n, n))
     full[:, np.arange(n), np.arange(n)] += diagonal

@@ -12,13 +12,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from leastaction import _core
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.frozen import made
+from leastaction.numerics.pool import copied, empty, zeros
 from leastaction.optimal.limit_report import Barrier, LimitReport, LimitState
 from leastaction.optimal.limits.barrier import (
     Split,
     barrier_step,
     first_duals,
     moved_duals,
+    off_center,
     split,
     stiffness,
 )
@@ -29,7 +33,6 @@ from leastaction.optimal.quantity import Instants
 # Price of an excess, in times its multiplier; and in the end that of an equation, which is met the better the dearer it
 # is, but what is much dearer leaves so little room that its barrier cannot get as small as others.
 _DEAR, _DEAR_EQUAL = 10.0, 100.0
-_CHEAPER, _DEARER = 1e-3, 10.0  # factors by which prices change at most
 _HARD = 1e6  # price of an excess of its scale where nothing is beyond a limit, in costs of the start
 _AT = 1e-6  # distance, in its scale, of what is at a limit
 _BINDING = 0.5  # multiplier, in parts of the price, of a limit that the price does not enforce
@@ -39,7 +42,6 @@ _SETTLED = 2.3  # natural logarithm of the factor by which multipliers may be of
 # and the part of its largest multiplier, where.
 _ACTIVE, _HARDLY = 100.0, 1e-5
 _CENTRAL = 20.0  # largest product of multiplier and slack, in times mu, from which a much smaller barrier can follow
-_ROUNDING = 1e-13  # error of a multiplier by rounding, in parts of its price
 _GUIDING = 0.1  # barriers at first, in parts of what excess costs, where all is as dear
 
 
@@ -84,12 +86,17 @@ class Duals:
         # One for each column of every side.
         self.scale, self.rho = layout.columns.empty(), layout.columns.empty()
         self.y = layout.empty()
-        self._size = layout.columns.filled([side.size for side in self.sides]).flat
-        self._equal = layout.columns.filled([float(side.equal) for side in self.sides]).flat > 0.0
-        self._hard = layout.columns.filled([float(side.hard) for side in self.sides]).flat > 0.0
+        columns, sides = layout.columns, self.sides
+        self._size = columns.filled([side.size for side in sides]).flat
+        self._known = columns.filled([side.scale for side in sides]).flat
+        self._equal = columns.filled([float(side.equal) for side in sides]).flat > 0.0
+        self._hard = columns.filled([float(side.hard) for side in sides]).flat > 0.0
+        # Of equations and of what is asked at a single instant.
+        alone = [float(side.equal or shape[0] == 1) for side, shape in zip(sides, layout.shapes, strict=True)]
+        self._alone = columns.filled(alone).flat > 0.0
         self._dear = np.where(self._equal, _DEAR_EQUAL, _DEAR)
         self._in_equations = layout.spread(self._equal)
-        self._has_equations = bool(self._equal.any())
+        self._has_equations, self._has_hard = bool(self._equal.any()), bool(self._hard.any())
         self._other = self._other_sides()
         self.prices, self.scales = np.empty(0), np.empty(0)  # of all entries
         self.dearest, self.cheapest = 0.0, np.inf  # prices of an excess of a limit's scale
@@ -102,15 +109,14 @@ class Duals:
         ``depths``: of all columns, what an excess of it may be at most, which is large for it then.
         """
         self.mu, columns = mu, self.layout.columns
-        seen = np.minimum(self.layout.largest(np.abs(c.flat)), depths)
+        seen = np.minimum(self.layout.largest(np.abs(c.flat, out=empty(c.flat.shape))), depths)
         seen = np.maximum(seen, 1e-6 * (1.0 + self._size))
-        known = columns.filled([side.scale for side in self.sides]).flat
-        self.scale = Sided(np.where(known > 0.0, known, seen), columns)
-        alone = [side.equal or len(values) == 1 for side, values in zip(self.sides, c, strict=True)]
-        prices = columns.filled([price * (dearer if single else 1.0) for single in alone]).flat
-        # Who begins at such a limit is not to be thrown off it.
-        inside = self.layout.largest(_AT * self.layout.spread(self.scale.flat) - c.flat) == 0.0
-        prices = np.where(self._hard & inside, _HARD * price, prices)
+        self.scale = Sided(np.where(self._known > 0.0, self._known, seen), columns)
+        prices = price * np.where(self._alone, dearer, 1.0)
+        if self._has_hard:
+            # Who begins at such a limit is not to be thrown off it.
+            inside = self.layout.largest(_AT * self.layout.spread(self.scale.flat) - c.flat) == 0.0
+            prices = np.where(self._hard & inside, _HARD * price, prices)
         self.rho = Sided(prices / self.scale.flat, columns)
         self.settle_prices()
         self._begin_duals(c)
@@ -129,7 +135,8 @@ class Duals:
 
     def of_barrier(self, room: Room) -> Sided:
         """Return the duals of the barriers themselves, ``mu / s``."""
-        return Sided(self.mu / room.part.slack, self.layout)
+        slack = room.part.slack
+        return Sided(np.divide(self.mu, slack, out=empty(slack.shape)), self.layout)
 
     def stiffnesses(self, room: Room, most: float = np.inf) -> Sided:
         """Return ``-dy/dc`` of the primal-dual model, at most so much of the largest that may be, ``rho^2 / mu``."""
@@ -153,8 +160,10 @@ class Duals:
 
     def kept_near(self, y: Array, after: Room) -> Sided:
         """Return duals that are not too far from those of the barrier."""
-        still = Split(self.mu / y, np.ones_like(y))
-        return Sided(moved_duals(still, self.mu, self.prices, y, np.zeros_like(y), after.part), self.layout)
+        slack, excess = np.divide(self.mu, y, out=empty(y.shape)), empty(y.shape)
+        excess.fill(1.0)
+        moved = moved_duals(Split(slack, excess), self.mu, self.prices, y, zeros(y.shape), after.part)
+        return Sided(moved, self.layout)
 
     def settle_prices(self) -> None:
         """Take the prices and scales of all sides as they are now."""
@@ -167,9 +176,7 @@ class Duals:
 
         From there a much smaller barrier can be followed.
         """
-        y, part = self.y.flat, room.part
-        largest = max((y * part.slack).max(initial=0.0), ((self.prices - y) * part.excess).max(initial=0.0))
-        return bool(largest <= _CENTRAL * self.mu)
+        return off_center(room.part, self.prices, self.y.flat) <= _CENTRAL * self.mu
 
     def gap(self, room: Room) -> float:
         """Return what duals times room come to where that is more than the barriers ask for; not of equations.
@@ -182,15 +189,19 @@ class Duals:
     def settled(self, duals: Sided, room: Room) -> Sided:
         """Return duals; where they have not come near those of the barrier, these."""
         y, barrier = duals.flat, self.of_barrier(room).flat
-        return Sided(np.where(np.abs(np.log(y / barrier)) < _SETTLED, y, barrier), self.layout)
+        off = np.divide(y, barrier, out=empty(y.shape))
+        np.abs(np.log(off, out=off), out=off)
+        np.copyto(barrier, y, where=np.less(off, _SETTLED, out=empty(y.shape, np.bool_)))
+        return Sided(barrier, self.layout)
 
     def excess(self, c: Sided) -> float:
         """Return the largest violation of a limit, relative to its scale."""
-        return -float((c.flat / self.scales).min(initial=0.0))
+        parts: Array = np.divide(c.flat, self.scales, out=empty(c.flat.shape))
+        return -float(parts.min(initial=0.0))
 
     def cost_of_excess(self, c: Sided) -> float:
         """Return what the violations of all limits cost at their prices."""
-        return float(np.maximum(-c.flat, 0.0) @ self.prices)
+        return -float(np.minimum(c.flat, 0.0, out=empty(c.flat.shape)) @ self.prices)
 
     # ---- Prices ---------------------------------------------------------------------------------
 
@@ -222,7 +233,9 @@ class Duals:
 
     def hopeless(self) -> bool:
         """Whether some limit is not enforced though its price is the dearest there is."""
-        return bool((self.layout.largest(np.abs(self.net())) > _BINDING * self.rho.flat).any())
+        beyond = np.multiply(self.prices, -_BINDING, out=empty(self.prices.shape))
+        beyond += np.abs(self.net(), out=empty(beyond.shape))
+        return bool(beyond.max(initial=0.0) > 0.0)
 
     def least_mu(self, digits: float) -> float:
         """Return the parameter below which the room that it leaves would be a part `digits` of a limit's size."""
@@ -236,34 +249,14 @@ class Duals:
         most. ``met``: what is off by more of its scale needs a higher price, whatever its dual, a rough one perhaps.
         ``kept``: what an excess of an equation's scale goes on to cost, if it did, however small the dual.
         """
-        layout, net, rho = self.layout, self.net(), self.rho.flat
-        scale, most = self.scale.flat, dearest / self.scale.flat
-        largest = layout.largest(np.abs(net))
-        binding, off = largest > _BINDING * rho, np.zeros(len(rho), dtype=np.bool_)
-        if met is not None:
-            off = layout.largest(-c.flat) > met * scale
-        binding = (binding | off) & (rho < most)
-        wanted = self._dear * largest
-        if self._has_equations:
-            wanted = np.where(self._equal, np.maximum(wanted, kept / scale), wanted)
-        new = np.where(
-            binding,
-            np.minimum(_DEARER * rho, most),
-            # What is off has no dual yet to go by, and equations only in the end.
-            np.where(off, rho, _between(_CHEAPER * rho, wanted, rho)),
-        )
-        new = np.where(self._hard, np.maximum(rho, wanted), new)
-        self.rho = Sided(new, layout.columns)
-        self.settle_prices()
-        new, lower = self.prices, np.minimum(self.y.flat, 0.9 * self.prices)
-        y = np.where(layout.spread(binding) & (c.flat < 0.0), first_duals(lower, new), lower)
-        if self._has_equations:
-            halved = 0.5 * (new + _between(-0.9 * new, net, 0.9 * new))
-            # What differs by rounding only stays as it is, and with it what was computed with these duals.
-            other = self._in_equations & (np.abs(halved - self.y.flat) > _ROUNDING * new)
-            y = np.where(other, halved, np.where(self._in_equations, self.y.flat, y))
-        self.y = Sided(y, layout)
-        return bool(binding.any())
+        layout, off = self.layout, np.nan if met is None else met
+        rho, y, self.prices = self.rho.flat.copy(), copied(self.y.flat), empty(self.prices.shape)
+        dearer, self.dearest, self.cheapest = _core.price_limits(
+            layout.column, self._other, self._equal, self._hard, self._dear, self.scale.flat, dearest, off, kept,
+            c.flat, rho, y, self.prices,
+        )  # fmt: skip
+        self.rho, self.y = Sided(rho, layout.columns), Sided(y, layout)
+        return dearer
 
     # ---- Reports --------------------------------------------------------------------------------
 
@@ -305,26 +298,23 @@ class Duals:
         self.settle_prices()
 
     def states(self, k: Sequence[Instants], c: Sided, duals: Sided, cost: float) -> tuple[LimitState, ...]:
-        """Return what is told of the limits, given their instants, values and duals, and the cost."""
-        least, sides = max(_ACTIVE * self.mu, np.sqrt(self.mu * abs(cost))), []
-        for i, own in enumerate(self.sides):
-            if own.equal and not own.first:
-                continue
-            dual = duals[i]
-            active = np.full(dual.shape, own.equal)
-            if own.equal:
-                dual = dual - duals[i + 1]
-            else:
-                active |= (dual * self.scale[i] > least) & (dual > _HARDLY * dual.max(axis=0, initial=0.0))
-            at = k[i].astype(np.int64)
-            for array in (at, active):
-                array.setflags(write=False)
-            # Copies: what is told outlives the run, and is saved.
-            value, dual, price = (read_only(each.copy()) for each in (c[i], dual, self.rho[i]))
-            sides.append(LimitState(own.limit, own.labels, own.equal, at, value, dual, price, active))
-        return tuple(sides)
+        """Return what is told of the limits, given their instants, values and duals, and the cost.
 
-
-def _between(least: Array, values: Array, most: Array) -> Array:
-    """Return values, none of them beyond bounds; as `numpy.clip` does, which takes several times as long."""
-    return np.minimum(np.maximum(values, least), most)
+        Nobody else writes to the instants.
+        """
+        least, layout, y = max(_ACTIVE * self.mu, np.sqrt(self.mu * abs(cost))), self.layout, duals.flat
+        enough = np.maximum(least / self.scale.flat, _HARDLY * layout.largest(y))
+        active = np.greater(y, layout.spread(enough), out=empty(y.shape, np.bool_))
+        active |= self._in_equations
+        # Copies: what is told outlives the run, and is saved.
+        told = c.flat, np.where(self._in_equations, y - y[self._other], y) if self._has_equations else y, self.rho.flat
+        value, dual, price = (read_only(copied(each)) for each in told)
+        active.setflags(write=False)
+        return tuple(
+            made(
+                LimitState, limit=own.limit, labels=own.labels, equation=own.equal, k=k[i], value=layout.side(value, i),
+                dual=layout.side(dual, i), price=layout.columns.side(price, i), active=layout.side(active, i),
+            )
+            for i, own in enumerate(self.sides)
+            if own.first or not own.equal
+        )  # fmt: skip

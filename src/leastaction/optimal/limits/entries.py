@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.pool import empty, zeros
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.limits.sides import Sided, SideLayout
 from leastaction.optimal.quantity import Entries
@@ -49,22 +50,35 @@ class EntryRows:
     def values(self, z: Array, to: Sided) -> None:
         """Put the values c (n, m) at states or inputs to those of all rows."""
         if len(self.places):
-            to.flat[self.at] = z.take(self.places) * self.factors - self.bounds
+            found = self._taken(z)
+            found -= self.bounds
+            to.flat[self.at] = found
 
     def along(self, dz: Array, to: Sided) -> None:
         """Put the changes dc (n, m) along changes of states or inputs to those of all rows."""
         if len(self.places):
-            to.flat[self.at] = dz.take(self.places) * self.factors
+            to.flat[self.at] = self._taken(dz)
 
-    def add_gradient(self, y: Sided, to: Array) -> None:
-        """Subtract ``y . dc`` from a gradient by states or inputs."""
-        if len(self.places):
-            to -= self._gathered(self.factors, y, to.shape)
+    def pulled(self, y: Sided, gradient: Array) -> Array:
+        """Return a gradient by states or inputs less ``y . dc``; itself where there are no such rows."""
+        if not len(self.places):
+            return gradient
+        pull = self._gathered(self.factors, y, gradient.shape)
+        return np.subtract(gradient, pull, out=pull)
 
     def hessian(self, sigma: Sided, shape: tuple[int, int]) -> Array | None:
         """Return the diagonals of ``dc' sigma dc`` by states or inputs; None where there are no such rows."""
         return self._gathered(self.squares, sigma, shape) if len(self.places) else None
 
+    def _taken(self, z: Array) -> Array:
+        """Return the factors times the entries of states or inputs."""
+        found: Array = z.take(self.places, out=empty(self.places.shape), mode="clip")
+        found *= self.factors
+        return found
+
     def _gathered(self, factors: Array, values: Sided, shape: tuple[int, ...]) -> Array:
-        found: Any = np.bincount(self.places, factors * values.flat[self.at], shape[0] * shape[1])
-        return np.asarray(found, dtype=np.float64).reshape(shape)
+        """Return the sums of factors times values at the places."""
+        weighed = np.multiply(factors, values.flat[self.at], out=empty(factors.shape))
+        found = zeros((shape[0] * shape[1],))
+        np.add.at(found, self.places, weighed)
+        return found.reshape(shape)

@@ -37,12 +37,14 @@ class Leeway:
 
     def lend(self, rows: Sequence[Rows], curves: Sequence[tuple[Array, Array]]) -> None:
         """Lend all of it to the obstacles that are on some curves (x, u): where a search starts, and where it heads."""
+        self.part = 0.0
+        for whole in self.whole:
+            whole.fill(0.0)
         for i, each in enumerate(rows):
-            self.whole[i] = np.zeros_like(self.whole[i])
             for x, u in curves:
                 if may_be_obstacle(each, x, u):
                     self.whole[i] = np.maximum(self.whole[i], _needed(each, x, u))
-        self.part = 1.0 if any(whole.any() for whole in self.whole) else 0.0
+                    self.part = 1.0 if self.whole[i].any() else self.part
 
     def give_back(self) -> None:
         """Have one part less of it."""
@@ -55,7 +57,7 @@ class Leeway:
 
     def restore(self, whole: Sequence[Array], part: float) -> None:
         """Have what an earlier run had."""
-        self.whole, self.part = list(whole), part
+        self.whole, self.part = [each.copy() for each in whole], part
 
     def added(self, c: Sided) -> Sided:
         """Return values with what is lent now."""

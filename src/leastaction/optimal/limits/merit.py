@@ -52,7 +52,6 @@ class BarrierMerit(Merit):
         # Of the iterate and of the duals; None: not yet.
         self._gradient: CostGradient | None = None  # with the barriers
         self._weighed: tuple[float, ModelHessian] | None = None  # second derivatives, with a share of what bends
-        self._central: bool | None = None  # whether the duals are near those of the barrier
         self._enough: tuple[float, float, float] | None = None  # goal, noise, and the decrease that is small enough
         self.newton_change: Sided | None = None
         self.are_settled = False
@@ -82,7 +81,7 @@ class BarrierMerit(Merit):
         self._room = self._enough = None
 
     def _forget_duals(self) -> None:
-        self._gradient = self._weighed = self._central = self._enough = self.newton_change = None
+        self._gradient = self._weighed = self._enough = self.newton_change = None
         self.are_settled = False
 
     # ---- Values -----------------------------------------------------------------------------------
@@ -124,13 +123,10 @@ class BarrierMerit(Merit):
 
     def tolerated(self, goal: float) -> float:
         """Return the expected decrease that is small enough at this stage, given what is so at the end."""
-        if self._central is None:
-            self._central = self.duals.are_central(self.room())
-        noise = self.here.noise
-        if self._enough is None or self._enough[:2] != (goal, noise):
-            enough = self.stages.tolerated(goal, noise, self.limits(), central=self._central)
-            self._enough = goal, noise, enough
-        return self._enough[2]
+        noise, known = self.here.noise, self._enough
+        if known is None or known[0] != goal or known[1] != noise:
+            self._enough = known = goal, noise, self.stages.tolerated(goal, noise, self.room())
+        return known[2]
 
     # ---- Derivatives ------------------------------------------------------------------------------
 
@@ -155,10 +151,10 @@ class BarrierMerit(Merit):
         return self._jacobians
 
     def hessian(self, share: float, along: AlongIterate) -> ModelHessian:
-        share = share if self._bends() else 1.0
-        if self._weighed is None or self._weighed[0] != share:
-            self._weighed = share, self._weights(self.duals.stiffnesses(self.room()), share, along)
-        return self._weighed[1]
+        known = self._weighed
+        if known is None or (known[0] != share and self._bends()):
+            self._weighed = known = share, self._weights(self.duals.stiffnesses(self.room()), share, along)
+        return known[1]
 
     def hessian_with(self, sigmas: Sided, share: float, along: AlongIterate) -> ModelHessian:
         """Return second derivatives with other stiffnesses, which are written over those of the iterate."""
@@ -220,7 +216,7 @@ class BarrierMerit(Merit):
     ) -> SolvedWithin | None:
         """Return the minimum of a direction's model with other duals and stiffnesses; None if there is none."""
         share = direction.curvature_scale if direction.method.startswith("newton") else 0.0
-        hessian = self.hessian_with(sigmas, share if self._bends() else 1.0, along)
+        hessian = self.hessian_with(sigmas, share, along)
         found = along.solved_with(direction, self.with_duals(duals), hessian)
         return None if found is None else SolvedWithin(found, self.change((found.dx, found.du)).flat)
 
@@ -306,7 +302,7 @@ class BarrierMerit(Merit):
 
         ``newton``: whether Newton's method is available, for a last step of the duals.
         """
-        k = [rows.k for rows in self.limited.rows]
+        k = self.limited.instants
         if at is None:
             return self.stages.report(k, self.asked(), self._last_duals(models, newton=newton), self.plain_value())
         c = self.limited.asked(at.x, at.u)
@@ -325,6 +321,8 @@ class BarrierMerit(Merit):
                     dc = None  # The duals of the last step will do.
             if dc is not None:
                 # They are those of where it leads to: near their bounds that is far from here in room.
-                room, after = after, self.duals.room(Sided(after.c.flat + dc.flat, dc.layout))
+                room, end = after, dc.layout.empty()
+                np.add(room.c.flat, dc.flat, out=end.flat)
+                after = self.duals.room(end)
                 duals = self.duals.moved(room, dc, after)
         return self.duals.settled(duals, after)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.pool import empty
 
 Entry = TypeVar("Entry", bound=np.generic)
 Indices = np.ndarray[tuple[int], np.dtype[np.intp]]
@@ -29,7 +30,7 @@ class SideLayout:
 
     def empty(self) -> Sided:
         """Return arrays to be written to."""
-        return Sided(np.empty(self.ends[-1]), self)
+        return Sided(empty((self.ends[-1],)), self)
 
     def filled(self, values: Sequence[Array | float]) -> Sided:
         """Return arrays with a value, or some to be broadcast, for each side."""
@@ -37,6 +38,10 @@ class SideLayout:
         for i, value in enumerate(values):
             result[i] = value
         return result
+
+    def side(self, values: NDArray[Entry], i: int) -> NDArray[Entry]:
+        """Return the array of one side among the entries of all, as a view."""
+        return values[self.ends[i] : self.ends[i + 1]].reshape(self.shapes[i])
 
     # ---- Columns of sides (n, m): what has one value for each of them is of the layout `columns` ---
 
@@ -47,18 +52,20 @@ class SideLayout:
 
     def spread(self, values: NDArray[Entry]) -> NDArray[Entry]:
         """Return values of all columns, one after the other, for each of their entries."""
-        return np.asarray(values[self._column])
+        found: NDArray[Entry] = empty(self.column.shape, values.dtype)
+        return values.take(self.column, out=found, mode="clip")
 
     def largest(self, values: Array) -> Array:
         """Return the largest of the entries of every column, and of zero."""
         found = np.zeros(self.columns.ends[-1])
         order, filled, begins = self._by_column
         if len(filled):
-            found[filled] = np.maximum(np.maximum.reduceat(values if order is None else values[order], begins), 0.0)
+            sorted_values = values if order is None else values.take(order, out=empty(order.shape), mode="clip")
+            found[filled] = np.maximum(np.maximum.reduceat(sorted_values, begins), 0.0)
         return found
 
     @cached_property
-    def _column(self) -> Indices:
+    def column(self) -> Indices:
         """The column of every entry."""
         each = [np.broadcast_to(np.arange(*self.columns.ends[i : i + 2]), s).ravel() for i, s in enumerate(self.shapes)]
         return np.concatenate([np.empty(0, dtype=np.intp), *each])
@@ -66,8 +73,8 @@ class SideLayout:
     @cached_property
     def _by_column(self) -> tuple[Indices | None, Indices, Indices]:
         """The entries in the order of their columns, None where they stand so; which columns have some, and where."""
-        order = np.argsort(self._column, kind="stable")
-        filled, begins = np.unique(self._column[order], return_index=True)
+        order = np.argsort(self.column, kind="stable")
+        filled, begins = np.unique(self.column[order], return_index=True)
         return None if (np.diff(order) == 1).all() else order, filled, begins
 
 
@@ -83,8 +90,7 @@ class Sided:
         return len(self.layout.shapes)
 
     def __getitem__(self, i: int) -> Array:
-        layout = self.layout
-        return self.flat[layout.ends[i] : layout.ends[i + 1]].reshape(layout.shapes[i])
+        return self.layout.side(self.flat, i)
 
     def __setitem__(self, i: int, values: Array | float) -> None:
         self[i][...] = values

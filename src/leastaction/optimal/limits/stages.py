@@ -8,8 +8,10 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.frozen import made
+from leastaction.numerics.pool import copied
 from leastaction.optimal.limit_report import Barrier, LimitReport
-from leastaction.optimal.limits.duals import Duals
+from leastaction.optimal.limits.duals import Duals, Room
 from leastaction.optimal.limits.sides import Sided
 from leastaction.optimal.quantity import Instants
 
@@ -109,14 +111,15 @@ class BarrierStages:
     def report(self, k: Sequence[Instants], c: Sided, duals: Sided, cost: float) -> LimitReport:
         """Return what is told of the limits, given their instants, values and duals, and the cost without barriers."""
         own = self.duals
-        barrier = Barrier(
+        barrier = made(
+            Barrier,
             size=self.size,
             tolerance=self.tolerance,
             first_mu=self.first_mu,
             last_mu=self.last,
-            duals=read_only(own.y.flat.copy()),
-            scale=read_only(own.scale.flat.copy()),
-            prices=read_only(own.rho.flat.copy()),
+            duals=read_only(copied(own.y.flat)),
+            scale=read_only(copied(own.scale.flat)),
+            prices=read_only(copied(own.rho.flat)),
             leeway=_joined(own.leeway.whole),
             part=own.leeway.part,
         )
@@ -142,17 +145,16 @@ class BarrierStages:
         """Whether the next stage is the last, or this: few steps are left for the duals to settle in."""
         return not self.duals.sides or self._following <= self.last
 
-    def tolerated(self, goal: float, noise: float, c: Sided, *, central: bool = False) -> float:
-        """Return the expected decrease that is small enough at this stage, given the values of all limits.
-
-        ``central``: whether the duals are near those of the barrier.
-        """
-        mu = self.duals.mu
+    def tolerated(self, goal: float, noise: float, room: Room) -> float:
+        """Return the expected decrease that is small enough at this stage, given the room of all limits."""
+        mu, c = self.duals.mu, room.c
         if self._asks_for_the_least(c):
             return max(goal, _NEARLY * self.duals.cost_of_excess(c))
         if mu > self.last:
             many = 1.0 if self.is_near_end else float(np.sqrt(max(1.0, self.count / _MANY)))
-            return max(goal, (_LOOSE if central and not self._rough else _TIGHT) * many * mu)
+            # From near the duals of the barrier a much smaller one can be followed.
+            loose = not self._rough and self.duals.are_central(room)
+            return max(goal, (_LOOSE if loose else _TIGHT) * many * mu)
         if self._rough:
             return max(goal if self.are_met(c) else _CLOSER * goal, 10.0 * noise)
         # The duals are worth no more than the motion is near the barrier's minimum.

@@ -36,10 +36,8 @@ def depths(rows: Sequence[Rows], c: Sided, x: Array, u: Array) -> Array:
 
     What is seen far away from an obstacle is no measure of it: to leap through it would cost too little.
     """
-    found = [
-        each.depths(values, x, u)
-        if not each.scale.any() and may_be_obstacle(each, x, u)
-        else np.full(each.scale.shape, np.inf)
-        for each, values in zip(rows, c, strict=True)
-    ]
-    return np.concatenate([np.empty(0), *found])
+    found = Sided(np.full(c.layout.columns.ends[-1], np.inf), c.layout.columns)
+    for i, each in enumerate(rows):
+        if may_be_obstacle(each, x, u) and not each.scale.any():
+            found[i] = each.depths(c[i], x, u)
+    return found.flat

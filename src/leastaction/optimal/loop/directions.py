@@ -105,10 +105,11 @@ class Directions:
         The undamped model has to be looked at in the end anyway, to tell the minimum from a saddle.
         """
         run, problem = self.run, self.run.problem
-        if isinstance(direction, str) or not (run.is_automatic and problem.tells_saddles and problem.has_curvature):
+        tells = run.is_automatic and run.schedule.full and problem.tells_saddles and problem.has_curvature
+        if isinstance(direction, str) or not tells:
             return direction
-        expected = -direction.slope
-        if expected <= run.goal or _after_newton(expected, run.schedule) > run.goal:
+        expected, goal = -direction.slope, run.goal
+        if expected <= goal or _after_newton(expected, run.schedule) > goal:
             return direction
         model = problem.minimise_model("newton", 1.0)
         if model.definite:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import LeastActionError
-from leastaction.numerics.frozen import changed
+from leastaction.numerics.frozen import changed, made
 from leastaction.optimal.line_search import SearchStep, Trial
 from leastaction.optimal.loop.directions import Directions
 from leastaction.optimal.loop.ending import EndFound, Outcome, message, outlook
@@ -134,37 +134,26 @@ class Loop:
         """Tell the history and the callback of an iteration, or of where it all starts."""
         run, problem = self.progress, self.progress.problem
         x, u = problem.arrays()
-        told: dict[str, Any] = {
-            "iteration": run.history.iterations,
-            "method": "start",
-            "expected_decrease": np.nan,
-            "step_length": np.nan,
-            "rollouts": problem.rollouts,
-            "curvature_scale": 0.0,
-        }
-        if direction is not None and step is not None:
-            cut = None if step.refusal is None else step.refusal.step
-            told = {
-                "iteration": run.history.iterations + 1,
-                "method": direction.method,
-                "expected_decrease": -direction.slope,
-                "step_length": step.length,
-                "rollouts": step.rollouts,
-                "curvature_scale": direction.curvature_scale,
-                "shift": direction.shift,
-                "cut_at": -1 if cut is None else cut,
-            }
-        record = IterationRecord(
+        cut = None if step is None or step.refusal is None else step.refusal.step
+        record = made(
+            IterationRecord,
+            iteration=run.history.iterations + (direction is not None),
+            method="start" if direction is None else direction.method,
             cost=problem.shown,
-            decrease=decrease,
+            expected_decrease=np.nan if direction is None else -direction.slope,
+            step_length=np.nan if step is None else step.length,
+            rollouts=problem.rollouts if step is None else step.rollouts,
+            curvature_scale=0.0 if direction is None else direction.curvature_scale,
             note=note,
-            worst_step=problem.worst_step,
-            gap=problem.gap,
             seconds=problem.clock.seconds,
             x=x,
             u=u,
             snapshot=self._snapshot,
-            **told,
+            decrease=decrease,
+            shift=0.0 if direction is None else direction.shift,
+            cut_at=-1 if cut is None else cut,
+            worst_step=problem.worst_step,
+            gap=problem.gap,
         )
         run.history.add(record)
         if self.callback is not None and self.callback(record):

@@ -22,6 +22,7 @@ class StageSequence:
 
     def __init__(self, run: Run, ways: Sequence[Way] = ()) -> None:
         self.run, self.ways = run, tuple(ways)
+        self.ahead = tuple(way for way in ways if way.looks_ahead)
 
     def look(self) -> None:
         """Leave a stage that has lasted too long, or a run that is about to get lost.
@@ -61,7 +62,8 @@ class StageSequence:
         run = self.run
         if not (run.is_automatic and run.problem.begins_again):
             return False
-        return any(way.applies(run, outcome) and way.begin(run, outcome) for way in self.ways)
+        ways = self.ahead if outcome is None else self.ways
+        return any(way.applies(run, outcome) and way.begin(run, outcome) for way in ways)
 
     def _next(self) -> bool:
         """Go on to the problem's next stage, if it has one."""

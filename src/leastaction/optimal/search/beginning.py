@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
 from leastaction.numerics.arrays import Array, as_array, read_only
-from leastaction.optimal.discrete.system import given_start
-from leastaction.optimal.initial import pair_of
+from leastaction.numerics.frozen import changed, made
+from leastaction.numerics.pool import copied
 from leastaction.optimal.iterates.curve import CurveSteps, Gapped
 from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.leeway import may_be_obstacle, stands_still
@@ -69,26 +69,27 @@ class Beginning:
         self.note = ""
 
     def start(self, initial: Any) -> None:
-        """Begin with a trajectory, a curve to be projected, an initial state and inputs, or an earlier result."""
+        """Begin with a trajectory, a curve to be projected, an initial state and inputs, or an earlier result.
+
+        They have been looked through, and nobody else writes to them.
+        """
         found = initial if isinstance(initial, OptimizationResult) else None
-        if found is not None:
-            initial = found.x, found.u
-        self._set_out_from(initial)
+        x, u = map(read_only, (found.x, found.u) if found is not None else initial)
+        self._set_out_from(x, u)
         if self.parts.barrier is not None:
             for rows, values in zip(self.parts.rows, self.parts.barrier.limits(), strict=True):
                 rows.check_values(values, self.parts.system.when)
             self.put_limits_in(found)
         begun = self.begun
         if self.parts.curve is None:
-            begun.first = Start(self.parts.x, self.parts.u)
+            begun.first = made(Start, x=self.parts.x, u=self.parts.u)
         if self.parts.barrier is None:
             return
-        x, u = pair_of(initial)
-        begun.curve = Start(read_only(np.array(x, dtype=np.float64)), read_only(np.array(u, dtype=np.float64)))
+        begun.curve = made(Start, x=x, u=u)
         if self.final_time is not None:
             begun.given = begun.curve
         if begun.given is not None:
-            begun.given = replace(begun.given, was_found=found is not None)
+            begun.given = begun.given if found is None else changed(begun.given, was_found=True)
             begun.wanted = self._wanted_from(begun.given)
 
     def _wanted_from(self, start: Start) -> Start | None:
@@ -96,23 +97,24 @@ class Beginning:
         wanted = self.parts.asked.wanted_states
         if wanted is None or start.x.ndim > 1 or self.final_time is not None:
             return None
-        return Start(read_only(np.concatenate([start.x[None], wanted[1:]])), start.u)
+        x = copied(wanted)
+        x[0] = start.x
+        return made(Start, x=read_only(x), u=start.u)
 
-    def _set_out_from(self, initial: Any) -> None:
+    def _set_out_from(self, x: Array, u: Array) -> None:
         """Stand at a start without limits: a curve or its projection, whichever is asked for and can be."""
-        x, u = given_start(self.parts.system, initial)
         if self.gapped == "never":
             self.parts.stand_at(x, u)
             return
         begun = self.begun
-        begun.given = Start(x, u)
+        begun.given = made(Start, x=x, u=u)
         failure: ProjectionError | None = None
         if self.gapped != "at once":
             try:
                 self.parts.stand_at(x, u)
                 if not (self.gapped == "where left" and self._has_left(x)):
                     lost = x.ndim == 2 and self.parts.here.value > _LOST * self.parts.plain.cost.value(x, u)
-                    begun.given = replace(begun.given, is_lost=lost)
+                    begun.given = changed(begun.given, is_lost=lost) if lost else begun.given
                     return
             except ProjectionError as error:
                 failure = error
@@ -159,7 +161,7 @@ class Beginning:
 
     def recall_gaps(self, gaps: Gaps) -> None:
         """Stand at a curve with gaps again."""
-        self.parts.steps = curve = CurveSteps(self.parts.models, gaps.size, gaps.longest)
+        self.parts.curve = curve = CurveSteps(self.parts.models, gaps.size, gaps.longest)
         found = curve.evaluate(gaps.x, gaps.u)
         if isinstance(found, Refusal):
             raise ArgumentError(f"resume: {found.reason}; expected the result of a run with this system")
@@ -196,7 +198,7 @@ class Beginning:
         for rows in self.parts.rows:
             rows.check(self.parts.x, self.parts.u)
             rows.check_start(self.parts.x[0])
-        self.parts.models.merit = barrier
+        self.parts.put_in(barrier)
         if found is not None:
             barrier.stages.take(found.limits, resumed=resumed, changed=abs(shown - found.cost))
         barrier.forget_leeway()
@@ -233,7 +235,7 @@ class Beginning:
     def begin_anew(self, start: Start) -> None:
         """Begin again from a start, without limits as yet."""
         self.parts.put_out()
-        self._set_out_from((start.x, start.u))
+        self._set_out_from(start.x, start.u)
 
     def go_on_from(self, x: Array, u: Array, report: LimitReport | None) -> None:
         """Begin the last stage at a trajectory; ``report``: of the limits there, where their duals are known."""
@@ -263,7 +265,7 @@ class Beginning:
         try:
             refused = self.parts.open(given, still=self.parts.barrier is not None) is not None
         except BaseException as error:  # an interruption too leaves it where it stood
-            self.parts.steps = self.parts.trajectory_steps
+            self.parts.curve = None
             here.move(now.x, now.u, now.worst_step)
             here.gain, here.value = now.gain, value
             if not isinstance(error, LeastActionError):

@@ -10,6 +10,7 @@ import numpy as np
 
 from leastaction.errors import ProjectionError
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.pool import empty, zeros
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.own_projection import own_projection
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, told_of
@@ -37,9 +38,10 @@ from leastaction.optimal.space import sizes_of
 class SearchParts:
     """The parts of a search: each says what differs between one and another.
 
-    ``merit``: what is minimised, the `plain` cost of a stage or the `barrier` of the limits. ``steps``: how iterates
-    follow each other. ``grid``: which times they stand for. ``asked``: the cost that is to be minimised; ``ease``: how
-    much dearer inputs are in this stage. ``tells_saddles``: as of `Problem`.
+    ``merit``: what is minimised, the `plain` cost of a stage or the `barrier` of the limits; ``limits``: that, where
+    they have been put in. ``steps``: how iterates follow each other; ``curve``: these, where there are gaps. ``grid``:
+    which times they stand for. ``asked``: the cost that is to be minimised; ``ease``: how much dearer inputs are in
+    this stage. ``tells_saddles``: as of `Problem`.
 
     Parameters
     ----------
@@ -63,6 +65,7 @@ class SearchParts:
         self.here = Here()
         self.plain = CostMerit(cost, self.here)
         self.barrier: BarrierMerit | None = None
+        self.limits: BarrierMerit | None = None
         if rows:
             self.barrier = barrier_merit(system, cost, self.rows, self.here, settings, dearer)
         own = own_projection(settings, system)
@@ -74,7 +77,7 @@ class SearchParts:
         """Be as if nothing had been searched."""
         self.ease = 1.0
         self.here.renew()
-        self.steps: Steps = self.trajectory_steps
+        self.curve: CurveSteps | None = None
         self.plain.replaced(self.asked)
         self.models.costates = None
         self.put_out()
@@ -87,14 +90,9 @@ class SearchParts:
         return self.models.merit
 
     @property
-    def limits(self) -> BarrierMerit | None:
-        """The merit with limits, where they have been put in."""
-        return self.barrier if self.merit is self.barrier else None
-
-    @property
-    def curve(self) -> CurveSteps | None:
-        """The steps of curves, where there are gaps."""
-        return self.steps if isinstance(self.steps, CurveSteps) else None
+    def steps(self) -> Steps:
+        """How iterates follow each other now."""
+        return self.curve or self.trajectory_steps
 
     @property
     def free_start(self) -> bool | Sequence[str]:
@@ -135,7 +133,9 @@ class SearchParts:
         N, ndx, nu = self.system.N, self.system.ndx, self.system.nu
         made: Rollout | None = None
         if x.ndim == 1:
-            made = projection_of(self.models, np.tile(x, (N + 1, 1)), u, np.zeros((N, nu, ndx)))
+            still = empty((N + 1, len(x)))
+            still[...] = x
+            made = projection_of(self.models, still, u, zeros((N, nu, ndx)))
             x = made.x
         self.stand_along(x, u, made)
         if not np.isfinite(self.here.value):
@@ -146,10 +146,9 @@ class SearchParts:
 
     def stand_along(self, x: Array, u: Array, made: Rollout | None = None) -> None:
         """Stand at the projection of a curve; ``made``: the roll-out that it is, if it is known to be one."""
-        self.steps = self.trajectory_steps
+        self.curve = None
         self.here.move(x, u, self.here.worst_step)
         project_curve(self.models, made)
-        self.here.value = self.merit.cost.value(self.x, self.u)
 
     def place(self) -> Place:
         """Return where it stands."""
@@ -158,7 +157,7 @@ class SearchParts:
     def go_back(self, place: Place) -> None:
         """Stand at a place again, with what is minimised now."""
         here = self.here
-        self.steps = self.trajectory_steps
+        self.curve = None
         here.move(place.x, place.u, place.worst_step)
         here.gain = place.gain.copy()
         here.value = self.merit.cost.value(here.x, here.u)
@@ -169,8 +168,12 @@ class SearchParts:
         self.models.forget()
         if self.barrier is not None:
             self.barrier.forget()
-        self.models.merit = self.plain
+        self.models.merit, self.limits = self.plain, None
         self.set_saddles()
+
+    def put_in(self, barrier: BarrierMerit) -> None:
+        """Minimise the cost with the barriers of the limits from now on."""
+        self.models.merit = self.limits = barrier
 
     def open(self, start: Start, *, still: bool = False) -> Refusal | None:
         """Stand at a curve with its gaps, or return why that is not possible.
@@ -191,12 +194,12 @@ class SearchParts:
         if isinstance(curve, Refusal):
             return curve
         steps.begin(curve)
-        self.steps, self.tells_saddles = steps, False
+        self.curve, self.tells_saddles = steps, False
         return None
 
     def forget_gaps(self) -> None:
         """Stand at the states and inputs of a curve, to be projected."""
-        self.steps = self.trajectory_steps
+        self.curve = None
         self.here.move(self.x, self.u, self.here.worst_step)
         self.models.forget()
 

@@ -125,7 +125,7 @@ class DiscreteStages(Stages):
             return True
         if limits is None:
             return False
-        models, before = parts.models, limits.duals.y.flat.copy()
+        models, before = parts.models, limits.duals.y.flat
         was_lent = limits.duals.leeway.is_lent
         more = limits.stages.advance(limits.plain_value(), limits.limits(), moved=moved)
         if was_lent:

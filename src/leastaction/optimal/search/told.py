@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from leastaction.errors import LeastActionError
-from leastaction.numerics.arrays import Array
-from leastaction.numerics.frozen import changed
+from leastaction.numerics.arrays import Array, read_only
+from leastaction.numerics.frozen import changed, made
 from leastaction.optimal.discrete.linear_quadratic import regulate
 from leastaction.optimal.memory import Memory
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.search.beginning import Begun
 from leastaction.optimal.search.parts import SearchParts
+
+_NOTHING: Mapping[str, float] = MappingProxyType({})
 
 
 def told(parts: SearchParts, begun: Begun, summary: dict[str, Any]) -> OptimizationResult:
@@ -20,10 +24,11 @@ def told(parts: SearchParts, begun: Begun, summary: dict[str, Any]) -> Optimizat
     if feedback is None:
         feedback = _final_feedback(parts)
     here, before, curve = parts.here, begun.earlier if parts.here.is_open else None, parts.curve
-    result = OptimizationResult(
-        x=here.x, u=here.u, K=feedback, projection_gain=here.gain, gap=0.0 if curve is None else curve.gap,
-        memory=_memory(parts, begun), limits=parts.report(before) if parts.rows else None,
-        **summary, **parts.about,
+    result = made(
+        OptimizationResult,
+        x=here.x, u=here.u, K=read_only(feedback), projection_gain=read_only(here.gain), unknowns=_NOTHING,
+        gap=0.0 if curve is None else curve.gap, memory=_memory(parts, begun),
+        limits=parts.report(before) if parts.rows else None, **summary, **parts.about,
     )  # fmt: skip
     if before is None:
         return result
@@ -45,7 +50,8 @@ def _final_feedback(parts: SearchParts) -> Array:
 def _memory(parts: SearchParts, begun: Begun) -> Memory:
     """Return what resuming needs beside the iterate."""
     curve = parts.curve
-    return Memory(
+    return made(
+        Memory,
         start=begun.given, curve=begun.curve, wanted=begun.wanted, first=begun.first, earlier=begun.earlier,
         ease=parts.ease, gaps=None if curve is None else curve.memory(),
     )  # fmt: skip

@@ -90,4 +90,4 @@ def _ease_within(problem: DiscreteProblem, inputs: Array) -> bool:
     return problem.beginning.begin_at(x, u)
 
 
-EASING = Way("easing", _applies, _begin)
+EASING = Way("easing", _applies, _begin, looks_ahead=True)

@@ -17,11 +17,11 @@ _SOON, _ROUGHLY = 30, 1e-3
 def _applies(run: Run, outcome: Outcome | None) -> bool:
     """Not where the minimum says little: with conditions, limits of the user's own, or a start that is a result."""
     problem, history = run.problem, run.history
+    if outcome is not None or history.iterations != _FEW or max(history.step_lengths) >= _VERY_SHORT:
+        return False
     assert isinstance(problem, DiscreteProblem)
     parts, beginning = problem.parts, problem.beginning
-    if outcome is not None or run.began_again or parts.barrier is None:
-        return False
-    if history.iterations != _FEW or max(history.step_lengths) >= _VERY_SHORT:
+    if run.began_again or parts.barrier is None:
         return False
     own, given = any(rows.equal or rows.is_own for rows in parts.rows), beginning.begun.given
     return not (parts.here.is_open or own or given is None or given.was_found or beginning.final_time is not None)
@@ -37,4 +37,4 @@ def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
     return True
 
 
-FREELY = Way("freely", _applies, _begin)
+FREELY = Way("freely", _applies, _begin, looks_ahead=True)

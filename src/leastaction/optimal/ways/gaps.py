@@ -53,4 +53,4 @@ def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
     return True
 
 
-GAPS = Way("gaps", _applies, _begin)
+GAPS = Way("gaps", _applies, _begin, looks_ahead=True)

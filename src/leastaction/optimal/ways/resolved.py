@@ -174,4 +174,4 @@ def _judge(run: Run, outcome: Outcome) -> Outcome:
     return Outcome(Status.RESOLVED, detail, outcome.expected)
 
 
-RESOLVED = Way("resolved", _applies, _begin, _judge)
+RESOLVED = Way("resolved", _applies, _begin, judge=_judge)

@@ -118,7 +118,7 @@ def _reach(m: Mechanism, q: Array, free: Instants, wanted: Mapping[str, Array]) 
             m.positions(q, [name])[0] - values if values.ndim == 1 else _turned_off(m, q, name, values)
             for name, values in wanted.items()
         ]
-        return np.concatenate(off)[matters]
+        return np.asarray(np.concatenate(off)[matters])
 
     def moving(q: Array, name: str, values: Array) -> Array:
         J = m.frame_jacobian(q, name, axes="world" if values.ndim == 1 else "frame")[:, free]

@@ -10,6 +10,7 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.collocation.limits import Points
+from leastaction.optimal.limits.charts import numbered
 from leastaction.optimal.limits.limit import Bound, Limit
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Entries, Quantity
@@ -36,13 +37,13 @@ class OfOwnStates(Limit):
         extended: Any = system.system
         found = []
         for i, row in enumerate(self.limit.rows(system.of(extended.system), first)):
-            own = row.quantity
+            own = numbered(row.quantity, extended.system.space)
             if isinstance(own, Entries) and not (own.of_state and np.isin(own.places, extended.copied).any()):
                 found.append(row)  # They stand where they stood.
                 continue
 
             def of(other: Any, i: int = i) -> Quantity:
-                return self.limit.rows(system.of(other), first)[i].quantity
+                return numbered(self.limit.rows(system.of(other), first)[i].quantity, other.space)
 
             quantity = ExtendedQuantity(extended, own, of, changing_parameters(extended, of, self.guess))
             # What a parameter moves is not known of the start yet.

@@ -1,0 +1,177 @@
+"""Mechanisms with quaternions steered in continuous time, as the numbers that they are."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from derivatives.test_quaternions import FORCES, PIN, WRENCH, tumbling
+from leastaction import Feedback, check_derivatives, simulate
+from leastaction.limits import Ball, Bound, Equal, Keep, Oriented, Pointing
+from leastaction.mechanics import BodyWrench, Gravity, Mechanism, MidpointVI, ball, free, tx
+from leastaction.optimal import ContinuousQuadraticCost, DenseTrajectory, QuadraticCost, Status, optimize
+from leastaction.optimal.collocation.limits import Points
+from leastaction.optimal.collocation.mesh import RadauMesh
+from leastaction.optimal.limits.charts import numbered
+from leastaction.optimal.quantity import Samples
+from leastaction.systems import MechanismSystem, MidpointSystem
+
+MOMENTS = np.array([0.2, 0.3, 0.4])
+SECONDS = 2.0
+
+
+def satellite() -> MechanismSystem:
+    hull = ball("hull", axes="quaternion", mass=1.0, inertia=MOMENTS)
+    tip = tx(0.5, name="antenna")
+    return MechanismSystem(Mechanism([hull, [tip]], [BodyWrench("hull", torque=("a", "b", "c"))]))
+
+
+GOAL = np.r_[0.0, 1.0, 0.0, 0.0, np.zeros(3)]
+START = np.r_[np.array([1.0, 0.1, 0.05, -0.02]) / np.sqrt(1.0129), 0.3, -0.2, 0.4]
+
+
+def turned_over(system: MechanismSystem) -> ContinuousQuadraticCost:
+    return ContinuousQuadraticCost(
+        GOAL, np.zeros(3), Q=np.full(6, 0.1), R=np.full(3, 0.05), Q_final=np.full(6, 50.0), space=system
+    )
+
+
+@pytest.mark.parametrize("elements", [(), (PIN, *FORCES, WRENCH)], ids=["free", "all"])
+def test_derivatives_are_those_of_differences(elements: tuple[Any, ...]) -> None:
+    """By all numbers, also such that make quaternions longer."""
+    m = tumbling(*elements)
+    system, rng = MechanismSystem(m), np.random.default_rng(1)
+    x, dx = np.r_[m.configuration(), rng.standard_normal(m.nv)], rng.standard_normal(m.nx)
+    u, du = rng.standard_normal((2, system.nu))
+    cost = ContinuousQuadraticCost(
+        np.r_[m.configuration(), np.zeros(m.nv)],
+        np.zeros(system.nu),
+        Q=np.linspace(0.5, 2.0, m.ndx),
+        R=np.ones(system.nu),
+        Q_final=np.linspace(1.0, 2.0, m.ndx),
+        space=system,
+    )
+    curve = DenseTrajectory.from_functions(
+        lambda t: x + 0.3 * np.sin(t) * dx,
+        lambda t: u + np.cos(t) * du,
+        horizon=(0.0, 1.0),
+        nx=system.nx,
+        nu=system.nu,
+    )
+    errors = check_derivatives(system, curve, cost=cost)
+    assert max(errors.errors.values()) < 1e-7, errors
+
+
+LIMITS = {
+    "entries": Bound("hull.qx", max=0.9),
+    "rate": Bound("hull.wy", max=1.0, of="rate"),
+    "acceleration": Bound("hull.wx", max=2.0, of="acceleration"),
+    "turn": Oriented("hull", np.eye(3), within=2.0),
+    "axis": Pointing("antenna", (0.0, 0.0, 1.0), (0.0, 0.0, 1.0), within=2.0),
+    "place": Keep("antenna", inside=Ball((0.5, 0.0, 0.0), 0.1)),
+}
+STATED = ("acceleration", "turn", "axis", "place")
+
+
+@pytest.mark.parametrize("kind", STATED)
+def test_limits_derive_by_numbers(kind: str) -> None:
+    system, rng = satellite(), np.random.default_rng(5)
+    points = Points(system, RadauMesh(np.array([0.0, 1.0])))
+    (side, *_) = LIMITS[kind].rows(points, 0)
+    quantity = numbered(side.quantity, system.space)
+    x = np.r_[rng.standard_normal(4), rng.standard_normal(3)][None]
+    x[:, :4] *= 1.01 / np.linalg.norm(x[:, :4])
+    u, nothing = rng.standard_normal((1, 3)), np.empty((1, 0))
+    y, k = rng.standard_normal((1, len(quantity.names))), np.array([1])
+
+    def at(z: np.ndarray) -> Samples:
+        return Samples(k, z[None, :7].copy(), nothing if quantity.of_state else z[None, 7:].copy(), nothing)
+
+    z = x[0] if quantity.of_state else np.r_[x[0], u[0]]
+    places = quantity.columns(7, 3)
+    places = np.arange(len(z)) if places is None else places
+    J, H = np.zeros((len(quantity.names), len(z))), np.zeros((len(z), len(z)))
+    J[:, places] = quantity.jacobian(at(z))[0]
+    H[places[:, None], places] = quantity.curvature(at(z), y)[0]
+
+    def slope(z: np.ndarray) -> np.ndarray:
+        out = np.zeros(len(z))
+        out[places] = y[0] @ quantity.jacobian(at(z))[0]
+        return out
+
+    for i in range(len(z)):
+        h = 1e-3 * np.eye(len(z))[i]
+        by = [quantity.values(at(z + s * h))[0] for s in (1, -1, 2, -2)]
+        assert np.abs((8 * (by[0] - by[1]) - (by[2] - by[3])) / 0.012 - J[:, i]).max() < 1e-8
+        bent = [slope(z + s * h) for s in (1, -1, 2, -2)]
+        assert np.abs((8 * (bent[0] - bent[1]) - (bent[2] - bent[3])) / 0.012 - H[i]).max() < 1e-7
+
+
+def test_a_satellite_turns_over_as_in_discrete_time() -> None:
+    """By 169 degrees; a discrete system comes to the same with its steps."""
+    system = satellite()
+    found = optimize(system, turned_over(system), initial=(START, np.zeros(3)), horizon=(0.0, SECONDS))
+    assert found.status is Status.CONVERGED
+    assert np.abs(system.difference(found.x[-1], GOAL)).max() < 0.01
+    assert np.abs(np.linalg.norm(found.x[:, :4], axis=1) - 1.0).max() < 1e-8
+    assert found.K.shape[1:] == (3, 7)
+    costs = []
+    for N in (40, 80):
+        steps = MidpointSystem(MidpointVI(system.mechanism), np.linspace(0.0, SECONDS, N + 1))
+        momenta = np.r_[np.ones(3), MOMENTS]
+        weight = np.full(6, 0.1) / momenta**2 * SECONDS / N
+        wanted = np.tile(GOAL, (N + 1, 1))
+        cost = QuadraticCost(
+            wanted,
+            np.zeros((N, 3)),
+            Q=np.vstack([[0.5 * weight], np.tile(weight, (N - 1, 1))]),
+            R=np.full(3, 0.05) * SECONDS / N,
+            Q_final=np.full(6, 50.0) / momenta**2 + 0.5 * weight,
+            space=steps,
+        )
+        costs.append(optimize(steps, cost, initial=(START * np.r_[np.ones(4), MOMENTS], np.zeros((N, 3)))).cost)
+    assert abs((4.0 * costs[1] - costs[0]) / 3.0 - found.cost) < 1e-4 * found.cost
+    # The inputs that were found do it, and with the gains a start that is off comes back.
+    motion = found.trajectory
+    run = simulate(motion.mechanism, START[:4], START[4:], [0.0, SECONDS], inputs=found.dense.u, rtol=1e-10)
+    assert np.abs(system.difference(run.x[-1], found.x[-1])).max() < 1e-5
+    law = Feedback(found.feedback, found.dense.x, found.dense.u)
+    off = system.plus(START, np.r_[0.2, -0.1, 0.1, 0.0, 0.1, 0.0])
+    run = simulate(motion.mechanism, off[:4], off[4:], [0.0, 1.5], u=law)
+    assert np.abs(system.difference(run.x[-1], found.dense.x(1.5))[:3]).max() < 0.05
+
+
+@pytest.mark.parametrize("kind", ["acceleration", "place"])
+def test_limits_hold(kind: str) -> None:
+    system = satellite()
+    found = optimize(
+        system, turned_over(system), initial=(START, np.zeros(3)), horizon=(0.0, SECONDS), limits=[LIMITS[kind]]
+    )
+    assert found.success, found.message
+    assert found.limits is not None
+    assert found.limits.excess < 1e-7
+
+
+@pytest.mark.slow
+def test_starts_and_ends_may_be_free() -> None:
+    """A body that is thrown so that it lands as wanted: the rates of its start are found."""
+    body = free("body", axes="quaternion", mass=1.0, inertia=MOMENTS)
+    m = Mechanism([body], [Gravity(), BodyWrench("body", torque=("a", "b", "c"))])
+    system = MechanismSystem(m)
+    x0 = np.r_[m.configuration(), 0.0, 0.0, 5.0, 0.1, 3.0, 0.2]
+    wanted = np.r_[0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, np.zeros(6)]
+    Q_final = np.r_[np.zeros(3), np.full(3, 100.0), np.zeros(6)]
+    cost = ContinuousQuadraticCost(
+        wanted, np.zeros(3), Q=np.r_[np.zeros(9), np.full(3, 0.01)], R=np.ones(3), Q_final=Q_final, space=system
+    )
+    stated = {"initial": (x0, np.zeros(3)), "horizon": (0.0, 1.0)}
+    limits = [Equal("body.x", 0.0, at="end")]
+    found = optimize(system, cost, **stated, free_start=["v_body.w*"], limits=limits)
+    assert found.success, found.message
+    assert np.abs(found.x[0, :10] - x0[:10]).max() < 1e-12
+    assert np.abs(system.difference(found.x[-1], wanted)[3:6]).max() < 0.02
+    free_turn = optimize(system, cost, **stated, free_start=["body.q*", "v_body.w*"])
+    assert np.linalg.norm(free_turn.x[0, 3:7]) == pytest.approx(1.0, abs=1e-14)
+    assert free_turn.cost < 1e-6
