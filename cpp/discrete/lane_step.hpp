@@ -26,7 +26,7 @@ public:
     Lanes::Mask find(double dt, const Lanes::Mask& running);
     // Given (q1, p1, u, q2) of steps: the multipliers, and the Newton matrix there; the lanes in which these are steps.
     Lanes::Mask know(double dt);
-    // After that, the derivatives of (q2; lam), in rows of n_theta, and of p2 by th = [q1 | p1 | u | rho2].
+    // After that, the derivatives of (q2; lam) and of p2 by th = [q1 | p1 | u | rho2], one column after the other.
     void differentiate(double dt, Lanes* Y, Lanes* P2);
     int n_theta() const { return nq_ + nd_ + static_cast<int>(u.size()) + nq_ - nd_; }
     // Takes over the solution that another step found for a lane.
@@ -54,7 +54,7 @@ private:
     LocalForce<Lanes> force_;
     std::vector<Lanes> q_mid_, v_, f_, C1_, C2_, h_, h_scale_, residual_, correction_;
     std::vector<Lanes> root_inertia_, new_root_inertia_, expected_v_, pivots_, mobility_;
-    std::vector<Lanes> G_y_, column_;
+    std::vector<Lanes> G_y_;
     Lanes largest_;  // of the relative residuals
 };
 

@@ -174,6 +174,7 @@ std::vector<OneOfMany> roll_out_many(const Midpoint& integrator, int many, int s
 
 namespace {
 
+constexpr int few_variables = 8;      // dynamic variables: of more, one step after the other is quicker
 constexpr double same_motion = 1e-6;  // m or rad: how far a step of a motion may end from the next state
 
 // Rows of one step by th = [q1 | p1 | u | rho2], in internal order, into A and B of the step.
@@ -231,7 +232,7 @@ std::ptrdiff_t linearize_many(const Midpoint& integrator, int many, int steps, c
         for (int i = 0; i < at.nd; ++i) to.put(&first.Y[i * first.ld], &first.P2[i * first.ld], i);
         to.put_prescribed(dt);
     };
-    const bool lanes = LaneStep::suits(integrator.workspace()->step);
+    const bool lanes = at.nd <= few_variables && LaneStep::suits(integrator.workspace()->step);
     const int width = lanes ? lane_count : 1, blocks = (many + width - 1) / width;
     parallel_ranges(blocks, threads, [&](int begin, int end) {
         auto workspace = integrator.workspace();
@@ -269,8 +270,8 @@ std::ptrdiff_t linearize_many(const Midpoint& integrator, int many, int steps, c
                     StepRows to = rows(first + l, k);
                     for (int j = 0; j < at.nd; ++j) {
                         for (int c = 0; c < at.theta; ++c) {
-                            q_row[c] = Y[j * at.theta + c][l];
-                            p_row[c] = P2[j * at.theta + c][l];
+                            q_row[c] = Y[c * (at.nd + at.nc) + j][l];
+                            p_row[c] = P2[c * at.nd + j][l];
                         }
                         to.put(q_row.data(), p_row.data(), j);
                     }

@@ -35,16 +35,16 @@ LaneNewton::LaneNewton(const Mechanism& mechanism)
         pairs_[number[at]].entries.push_back({i, j, weight * 1.0, mirrored});
     });
     for (int k = 0; k < n_; ++k) {
-        pattern_.push_back(k * n_ + k);
+        pattern_.emplace_back(k, k);
         for (const int i : mechanism.coupled[k]) {
-            pattern_.push_back(k * n_ + i);
-            pattern_.push_back(i * n_ + k);
+            pattern_.emplace_back(k, i);
+            pattern_.emplace_back(i, k);
         }
     }
 }
 
 void LaneNewton::assemble(const Lagrangian<Lanes>& lagrangian, double dt, Lanes* root_inertia) {
-    for (const int at : pattern_) M_[at] = Lanes(0.0);
+    for (const auto& [i, j] : pattern_) M(i, j) = Lanes(0.0);
     std::fill(inertia_.begin(), inertia_.end(), Lanes(0.0));
     const double quarter = 0.25 * dt, rate = 1.0 / dt;
     each_entry(lagrangian, [&](int i, int j, double weight, bool mirrored, const Lanes& vv, const Lanes& v_q,

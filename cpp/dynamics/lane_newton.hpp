@@ -40,6 +40,8 @@ public:
     Lanes& M(int i, int j) { return M_[i * n_ + j]; }
     // C1, C2 (n_constraints x ld), of which the first n columns are used. The lanes that have factors.
     Lanes::Mask factor(const Lanes* C1, const Lanes* C2, int ld);
+    // The entries (i, j) of M that are not zero, once it is factored.
+    const std::vector<std::pair<int, int>>& pattern() const { return pattern_; }
     const std::vector<Lanes>& reciprocal_pivots() const { return reciprocal_; }
     // Overwrites f (n) and g (n_constraints) by y and l.
     void solve(Lanes* f, Lanes* g) const;
@@ -66,7 +68,7 @@ private:
     int n_, nc_;
     std::vector<Pair> pairs_;
     std::vector<Fixed> rotors_;
-    std::vector<int> pattern_;  // entries of M that are not zero, once it is factored
+    std::vector<std::pair<int, int>> pattern_;
     std::vector<Lanes> M_, L_, reciprocal_, inertia_;
     std::vector<Lanes> M_inv_C1t_, C2_, schur_;  // n x nc, nc x n, nc x nc
     std::vector<Lanes> schur_reciprocal_;
