@@ -204,6 +204,7 @@ void bind_builder(nb::module_& module) {
             },
             "joint"_a, "direction"_a)
         .def("add_number", &MechanismBuilder::add_number, "value"_a)
+        .def("time", &MechanismBuilder::time, "Slot of the number that is the time.")
         .def("set_number", &MechanismBuilder::set_number, "slot"_a, "value"_a)
         .def(
             "set_gravity", [](MechanismBuilder& b, const In<1>& g) { return b.set_gravity(vec3(g)); }, "g"_a,

@@ -19,9 +19,13 @@ namespace leastaction {
 
 namespace {
 
+// Times of points (N), or none: zero.
+using Times = std::optional<In<1>>;
+
 // Points of motions, in the user's order: q, v (N, nq), u (N, n_inputs), rho_a (N, n_kinematic).
 struct Points {
     In<2> q, v, u, rho_a;
+    Times t;
 };
 
 // Accelerations and multipliers of points (N rows), and what else was asked for, filled as far as no point failed.
@@ -41,19 +45,21 @@ public:
     ContinuousMotion(std::shared_ptr<Mechanism> mechanism, double damping, double stiffness)
         : mechanism_(std::move(mechanism)), damping_(damping), stiffness_(stiffness) {}
 
-    Result accelerations(const In<2>& q, const In<2>& v, const In<2>& u, const In<2>& rho_a, int threads) {
-        const Points points{q, v, u, rho_a};
+    Result accelerations(const In<2>& q, const In<2>& v, const In<2>& u, const In<2>& rho_a, int threads,
+                         const Times& t) {
+        const Points points{q, v, u, rho_a, t};
         const std::size_t N = check(points), nd = mechanism_->n_dynamic, nc = mechanism_->n_constraints();
         Out a = new_array({N, nd}), lam = new_array({N, nc});
         return each_point(points, threads_for(N, 1, threads), a, lam,
                           [](Continuous& at, std::size_t) { return at.accelerate(); });
     }
 
-    Out inverse_dynamics(const In<2>& q, const In<2>& v, const In<2>& a, const In<2>& u, const In<2>& lam,
-                         int threads) {
+    Out inverse_dynamics(const In<2>& q, const In<2>& v, const In<2>& a, const In<2>& u, const In<2>& lam, int threads,
+                         const Times& t) {
         const Mechanism& m = *mechanism_;
         const std::size_t N = q.shape(0), nq = m.n_variables(), nc = m.n_constraints();
-        const Points points{q, v, u, a};
+        const Points points{q, v, u, a, t};
+        if (t) expect(t->size(), N, "t");
         expect(q.size(), N * m.n_configuration(), "q");
         for (const auto* x : {&v, &a}) expect(x->size(), N * nq, "v or a");
         expect(u.size(), N * m.n_inputs, "u");
@@ -76,8 +82,8 @@ public:
     }
 
     Result linearize(const In<2>& q, const In<2>& v, const In<2>& u, const In<2>& rho_a, int threads,
-                     const std::optional<Out>& reuse) {
-        const Points points{q, v, u, rho_a};
+                     const std::optional<Out>& reuse, const Times& t) {
+        const Points points{q, v, u, rho_a, t};
         const std::size_t N = check(points), nd = mechanism_->n_dynamic, nc = mechanism_->n_constraints();
         const std::size_t n = n_theta();
         Out a = new_array({N, nd}), lam = new_array({N, nc});
@@ -94,8 +100,8 @@ public:
     }
 
     Result curvatures(const In<2>& q, const In<2>& v, const In<2>& u, const In<2>& rho_a, const In<2>& z_a,
-                      const In<2>& z_lam, int threads, const std::optional<Out>& reuse) {
-        const Points points{q, v, u, rho_a};
+                      const In<2>& z_lam, int threads, const std::optional<Out>& reuse, const Times& t) {
+        const Points points{q, v, u, rho_a, t};
         const std::size_t N = check(points), nd = mechanism_->n_dynamic, nc = mechanism_->n_constraints();
         const std::size_t n = n_theta();
         expect(z_a.size(), N * nd, "z_a");
@@ -117,8 +123,8 @@ public:
     }
 
     // Of one point: the Hessians of every acceleration, then of every multiplier.
-    Result tensors(const In<2>& q, const In<2>& v, const In<2>& u, const In<2>& rho_a) {
-        const Points points{q, v, u, rho_a};
+    Result tensors(const In<2>& q, const In<2>& v, const In<2>& u, const In<2>& rho_a, const Times& t) {
+        const Points points{q, v, u, rho_a, t};
         expect(check(points), 1, "points");
         const std::size_t nd = mechanism_->n_dynamic, nc = mechanism_->n_constraints(), n = n_theta();
         Out a = new_array({1, nd}), lam = new_array({1, nc}), all = new_array({nd + nc, n, n});
@@ -181,6 +187,7 @@ private:
         expect(points.v.size(), N * m.n_variables(), "v");
         expect(points.u.size(), N * m.n_inputs, "u");
         expect(points.rho_a.size(), N * m.n_kinematic, "rho_a");
+        if (points.t) expect(points.t->size(), N, "t");
         return N;
     }
     // Where the entries of th, internal order, stand in the user's.
@@ -197,6 +204,7 @@ private:
         write_configuration(m, points.q.data() + k * m.n_configuration(), at.q);
         for (std::size_t i = 0; i < nq; ++i) at.v[i] = points.v.data()[k * nq + m.external[i]];
         std::copy_n(points.u.data() + k * m.n_inputs, m.n_inputs, at.u.begin());
+        at.t = points.t ? points.t->data()[k] : 0.0;
     }
 
     // Runs a function at every point; a and lam are filled as far as no point failed.
@@ -289,20 +297,22 @@ void bind_continuous(nb::module_& module) {
         .def(nb::init<std::shared_ptr<Mechanism>, double, double>(), "mechanism"_a, "damping"_a = 0.0,
              "stiffness"_a = 0.0)
         .def("accelerations", &ContinuousMotion::accelerations, "q"_a, "v"_a, "u"_a, "rho_a"_a, "threads"_a = 0,
-             "Dynamic accelerations and multipliers at many points.")
+             "t"_a.none() = nb::none(), "Dynamic accelerations and multipliers at many points.")
         .def("inverse_dynamics", &ContinuousMotion::inverse_dynamics, "q"_a, "v"_a, "a"_a, "u"_a, "lam"_a,
-             "threads"_a = 0, "Generalized forces (N, nq) that motions need besides those of the elements under u.")
+             "threads"_a = 0, "t"_a.none() = nb::none(),
+             "Generalized forces (N, nq) that motions need besides those of the elements under u.")
         .def("linearize", &ContinuousMotion::linearize, "q"_a, "v"_a, "u"_a, "rho_a"_a, "threads"_a = 0,
-             "out"_a.none() = nb::none(),
+             "out"_a.none() = nb::none(), "t"_a.none() = nb::none(),
              "accelerations(), and the derivatives of accelerations and multipliers by [q; v; u; rho_a].")
         .def("curvatures", &ContinuousMotion::curvatures, "q"_a, "v"_a, "u"_a, "rho_a"_a, "z_a"_a, "z_lam"_a,
-             "threads"_a = 0, "out"_a.none() = nb::none(),
+             "threads"_a = 0, "out"_a.none() = nb::none(), "t"_a.none() = nb::none(),
              "accelerations(), and the Hessians of z_a.a + z_lam.lam by [q; v; u; rho_a].")
-        .def("tensors", &ContinuousMotion::tensors, "q"_a, "v"_a, "u"_a, "rho_a"_a,
+        .def("tensors", &ContinuousMotion::tensors, "q"_a, "v"_a, "u"_a, "rho_a"_a, "t"_a.none() = nb::none(),
              "accelerations(), and the Hessians of every acceleration and multiplier of one point.")
         .def("roll_out_pieces", &ContinuousMotion::roll_out_pieces, "h"_a, "matrix"_a, "xbar"_a, "ubar"_a, "K"_a, "z"_a,
              "u"_a,
-             "Simulates pieces of lengths h by a Runge-Kutta method under a feedback; writes z[1:] and u, and returns "
+             "Simulates pieces of lengths h by a Runge-Kutta method under a feedback; writes z[1:] "
+             "and u, and returns "
              "how many pieces were found before one was not.");
 }
 

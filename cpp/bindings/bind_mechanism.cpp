@@ -20,8 +20,9 @@ namespace {
 template <class T>
 class WholeLagrangian : public Lagrangian<T> {
 public:
-    WholeLagrangian(const Mechanism& m, std::vector<T> q, const std::vector<T>& v)
+    WholeLagrangian(const Mechanism& m, std::vector<T> q, const std::vector<T>& v, double t = 0)
         : Lagrangian<T>(m), q(std::move(q)), mechanism_(m) {
+        this->at.time = t;
         this->gradient(this->q.data(), v.data());
         place(m.massless_joints_seen, this->q.data(), this->at);
         for (const auto& potential : m.potentials) {
@@ -66,11 +67,11 @@ private:
     T stored_{};
 };
 
-WholeLagrangian<double> point_at(const Mechanism& m, const In<1>& q, const In<1>& v) {
-    return {m, configuration_of(m, q, "q"), to_internal(m, v, "v")};
+WholeLagrangian<double> point_at(const Mechanism& m, const In<1>& q, const In<1>& v, double t = 0) {
+    return {m, configuration_of(m, q, "q"), to_internal(m, v, "v"), t};
 }
-WholeLagrangian<double> at_rest(const Mechanism& m, const In<1>& q) {
-    return {m, configuration_of(m, q, "q"), std::vector<double>(m.n_variables())};
+WholeLagrangian<double> at_rest(const Mechanism& m, const In<1>& q, double t = 0) {
+    return {m, configuration_of(m, q, "q"), std::vector<double>(m.n_variables()), t};
 }
 
 std::vector<Dual<double>> duals(const Mechanism& m, const double* x, const double* dx) {
@@ -160,7 +161,7 @@ Out constraint_hessian(const Mechanism& m, const In<1>& q, const In<1>& lam) {
 // Forces at one point: f (nq), of kinematic variables too; by_q and by_v (nq x nq), by_u (nq x inputs).
 struct Forces {
     Forces(const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u, Order order,
-           const std::optional<ElementParts>& parts)
+           const std::optional<ElementParts>& parts, double t = 0)
         : m(m), n(m.n_variables()) {
         const std::vector<double> Q = configuration_of(m, q, "q"), V = to_internal(m, v, "v");
         expect(u.size(), m.n_inputs, "u");
@@ -181,6 +182,7 @@ struct Forces {
             if (order != Order::value) by_u.data()[m.external[variable] * r + input] += 1.0;
         }
         Placement<double> at(m);
+        at.time = t;
         place(m.force_joints, Q.data(), at);
         LocalForce<double> local;
         const ForcePoint<double> point{at, Q.data(), V.data(), u.data()};
@@ -259,6 +261,8 @@ void bind_mechanism(nb::module_& module) {
                     with_numbers(m, {numbers.data(), numbers.data() + numbers.size()}));
             },
             "numbers"_a, "The same mechanism with other numbers of its elements, but for those of gravity.")
+        .def_prop_ro(
+            "timed", [](const Mechanism& m) { return m.time_slot >= 0; }, "Whether an element changes with the time.")
         .def_prop_ro("n_constraints", &Mechanism::n_constraints)
         .def_prop_ro("n_configuration", &Mechanism::n_configuration)
         .def_prop_ro("n_joints", [](const Mechanism& m) { return m.joints.size(); })
@@ -270,15 +274,16 @@ void bind_mechanism(nb::module_& module) {
             [](const Mechanism& m, const In<1>& q, const In<1>& v) { return point_at(m, q, v).kinetic_energy(); },
             "q"_a, "v"_a, "Kinetic energy in joules.")
         .def(
-            "potential_energy", [](const Mechanism& m, const In<1>& q) { return at_rest(m, q).potential_energy(); },
-            "q"_a, "Potential energy in joules, of gravity and all other potentials.")
+            "potential_energy",
+            [](const Mechanism& m, const In<1>& q, double t) { return at_rest(m, q, t).potential_energy(); }, "q"_a,
+            "t"_a = 0.0, "Potential energy in joules, of gravity and all other potentials.")
         .def(
             "gradient",
-            [](const Mechanism& m, const In<1>& q, const In<1>& v) {
-                const auto point = point_at(m, q, v);
+            [](const Mechanism& m, const In<1>& q, const In<1>& v, double t) {
+                const auto point = point_at(m, q, v, t);
                 return std::tuple(by_variable(m, point.L_q), by_variable(m, point.L_v));
             },
-            "q"_a, "v"_a, "Gradient of the Lagrangian: (L_q, L_v), each (nq,).")
+            "q"_a, "v"_a, "t"_a = 0.0, "Gradient of the Lagrangian: (L_q, L_v), each (nq,).")
         .def(
             "hessian", [](const Mechanism& m, const In<1>& q, const In<1>& v) { return point_at(m, q, v).second(); },
             "q"_a, "v"_a, "Hessian of the Lagrangian: (L_qq, L_vq, L_vv), L_vq[i, j] = d2L/dv_i dq_j.")
@@ -317,8 +322,9 @@ void bind_mechanism(nb::module_& module) {
         .def(
             "force",
             [](const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u,
-               const std::optional<ElementParts>& parts) { return Forces(m, q, v, u, Order::value, parts).f; },
-            "q"_a, "v"_a, "u"_a, "parts"_a.none() = nb::none(),
+               const std::optional<ElementParts>& parts,
+               double t) { return Forces(m, q, v, u, Order::value, parts, t).f; },
+            "q"_a, "v"_a, "u"_a, "parts"_a.none() = nb::none(), "t"_a = 0.0,
             "Generalized forces f(q, v, u), (nq,): of all elements, or the parts of one.")
         .def(
             "force_jacobians",

@@ -234,7 +234,8 @@ View packed_curvature(const Linearization& of, const In<2>& w, int threads) {
 ParameterDerivatives by_parameters(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u,
                                    const In<2>& directions,
                                    const std::vector<std::tuple<int, int, std::array<double, 10>>>& inertias,
-                                   std::optional<int> time_step, int threads, double first_share) {
+                                   std::optional<int> time_step, std::optional<int> time, int threads,
+                                   double first_share) {
     const Mechanism& m = midpoint.mechanism();
     const std::size_t N = check(m, t, x, u), P = directions.shape(0), n = m.numbers.size();
     const std::size_t nx = m.n_tangent(), nc = m.n_constraints();
@@ -250,6 +251,7 @@ ParameterDerivatives by_parameters(const Midpoint& midpoint, const In<1>& t, con
         parameters[k].inertias.push_back({joint, inertia_of(i)});
     }
     if (time_step) parameters.at(*time_step).time_step = true;
+    if (time) parameters.at(*time).time = 1;
     Out by_x = new_array({N, nx, P}), by_lam = new_array({N, nc, P});
     nb::gil_scoped_release release;
     const int done = differentiate_by_parameters(midpoint, static_cast<int>(N), t.data(), x.data(), u.data(),
@@ -295,11 +297,12 @@ Out curvature_by_directions(const Midpoint& midpoint, const In<1>& t, const In<2
 }
 
 nb::tuple momenta(const Midpoint& midpoint, const In<1>& q1, const In<1>& q2, const In<1>& u, double dt,
-                  std::optional<double> share) {
+                  std::optional<double> share, double t) {
     const Mechanism& m = midpoint.mechanism();
     expect(u.size(), m.n_inputs, "u");
     auto workspace = midpoint.workspace();
     MidpointStep& step = workspace->step;
+    step.t = t;
     step.q1 = configuration_of(m, q1, "q1");
     step.q2 = configuration_of(m, q2, "q2");
     for (const Ball& ball : m.balls)
@@ -477,8 +480,9 @@ void bind_midpoint(nb::module_& module) {
         .def("energies", &energies_of, "t"_a, "x"_a, "u"_a, "lam"_a, "first_share"_a = 1.0,
              "Such `energies` as roll_out() has, of steps that are known.")
         .def("by_parameters", &by_parameters, "t"_a, "x"_a, "u"_a, "directions"_a, "inertias"_a,
-             "time_step"_a.none() = nb::none(), "threads"_a = 0, "first_share"_a = 1.0,
-             "Derivatives of every step by directions of the elements' numbers and of inertias, and by its length.")
+             "time_step"_a.none() = nb::none(), "time"_a.none() = nb::none(), "threads"_a = 0, "first_share"_a = 1.0,
+             "Derivatives of every step by directions of the elements' numbers and of inertias, by its length, and by "
+             "the time at its start.")
         .def("curvature_by_time_step", &curvature_by_length, "t"_a, "x"_a, "u"_a, "w"_a, "multipliers"_a = false,
              "threads"_a = 0, "first_share"_a = 1.0,
              "Second derivatives (N, n, n), n = nx + nu + 1, of the next states weighted with w (N, nx), or of states "
@@ -488,7 +492,7 @@ void bind_midpoint(nb::module_& module) {
              "threads"_a = 0, "first_share"_a = 1.0,
              "Such by directions (P, n_numbers) of the elements' numbers, none of gravity, and all: (N, P, nx + nu + "
              "P).")
-        .def("momenta", &momenta, "q1"_a, "q2"_a, "u"_a, "dt"_a, "share"_a.none() = nb::none(),
+        .def("momenta", &momenta, "q1"_a, "q2"_a, "u"_a, "dt"_a, "share"_a.none() = nb::none(), "t"_a = 0.0,
              "Momenta (p1, p2) of all variables at both ends of a segment, without constraint forces; share: for how "
              "long forces at the instants act at its start, dt by default.");
     using L = Linearization;

@@ -110,7 +110,8 @@ bool velocities_along(const Mechanism& m, const In<2>& q, const In<2>& p, const 
             mass(i, j) += weight * d.vv[at];
             if (mirrored) mass(j, i) += weight * d.vv[at];
         });
-        for (std::size_t i = 0; i < nk; ++i) speed[nd + i] = v_rho ? v_rho->data()[k * nk + m.external[nd + i] - nd] : 0;
+        for (std::size_t i = 0; i < nk; ++i)
+            speed[nd + i] = v_rho ? v_rho->data()[k * nk + m.external[nd + i] - nd] : 0;
         for (std::size_t i = 0; i < nd; ++i) {
             right[i] = p.data()[k * nd + m.external[i]];
             for (std::size_t j = nd; j < nv; ++j) right[i] -= mass(i, j) * speed[j];

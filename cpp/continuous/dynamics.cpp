@@ -75,6 +75,7 @@ void Continuous::add_elements() {
     for (const auto& [i, slot] : m.damping) f_[i] -= m.numbers[slot] * v[i];
     for (const auto& [i, input] : m.joint_forces) f_[i] += u[input];
     place(massless_joints_, q.data(), bodies_.at);
+    bodies_.at.time = along_v_.time = along_mu_.time = t;
     for_each_entry(m.potentials, bodies_.at, q.data(), local_, [&](int i, double slope) { f_[i] -= slope; });
     for_each_entry(m.forces, force_point(), force_, [&](int i, double f) { f_[i] += f; });
 }

@@ -39,9 +39,10 @@ public:
     // Damping and stiffness of constraints: d (1/s) and s (1/s^2) above.
     Continuous(std::shared_ptr<const Mechanism> mechanism, double damping, double stiffness);
 
-    // Before a call: q, v, u and the kinematic part of a. The rest of a and lam are results. Of q the quaternions of balls
-    // stand behind the variables.
+    // Before a call: q, v, u, the kinematic part of a, and the time (s). The rest of a and lam are results. Of q the
+    // quaternions of balls stand behind the variables.
     std::vector<double> q, v, u, a, lam;
+    double t = 0;
 
     MotionReport accelerate();
     // r - Dh' lam for the whole of a and lam as they are: what every variable, kinematic ones too, needs besides the

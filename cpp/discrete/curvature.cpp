@@ -75,6 +75,7 @@ void SecondOrder::add_lagrangian(double dt) {
         dual_q1_[i] = {q1[i], i < nd_ ? mu_[i] : 0.0};
     }
     if (turned_) place_dual_balls();
+    dual_.at.time = t + 0.5 * dt;
     dual_.gradient(dual_q_.data(), dual_v_.data());
     dual_.hessian();
     const PairDerivatives& d = dual_.pairs;
@@ -118,7 +119,8 @@ void SecondOrder::add_forces(double dt) {
         v_[i] = (q2[i] - q1[i]) / dt;
     }
     if (turned_) place_balls();
-    each_force_curvature(m.forces, m.force_joints, [&](const GeneralizedForce& force, std::size_t size, const auto& P) {
+    const double time = t + 0.5 * dt;
+    each_force_curvature(m.forces, m.force_joints, time, [&](const auto& force, std::size_t size, const auto& P) {
         const auto &support = force.support(), &inputs = force.inputs();
         const std::size_t n = support.size(), r = inputs.size();
         const auto second = [&](std::size_t a, std::size_t b) { return P[a * size + b]; };
@@ -155,7 +157,7 @@ void SecondOrder::add_instant_forces() {
     for (int i = 0; i < nd_; ++i) mu_force_[i] = share * mu_[i];
     q_mid_ = q1;
     std::fill(v_.begin(), v_.end(), 0.0);
-    each_force_curvature(m.instant_forces, m.instant_joints, [&](const auto& force, std::size_t size, const auto& P) {
+    each_force_curvature(m.instant_forces, m.instant_joints, t, [&](const auto& force, std::size_t size, const auto& P) {
         const auto &support = force.support(), &inputs = force.inputs();
         const std::size_t n = support.size(), r = inputs.size();
         for (std::size_t a = 0; a < n; ++a) {
@@ -171,12 +173,13 @@ void SecondOrder::add_instant_forces() {
 
 template <class Sink>
 void SecondOrder::each_force_curvature(const std::vector<std::shared_ptr<const GeneralizedForce>>& forces,
-                                       const std::vector<int>& joints, const Sink& sink) {
+                                       const std::vector<int>& joints, double time, const Sink& sink) {
     for (int i = 0; i < nq_; ++i) {
         q_along_v_[i] = {q_mid_[i], v_[i]};
         q_along_mu_[i] = {q_mid_[i], mu_force_[i]};
     }
     for (std::size_t i = nq_; i < q_mid_.size(); ++i) q_along_v_[i] = q_along_mu_[i] = q_mid_[i];
+    at_middle_.time = along_v_->time = along_mu_->time = time;
     place(joints, q_mid_.data(), at_middle_);
     place(joints, q_along_v_.data(), *along_v_);
     place(joints, q_along_mu_.data(), *along_mu_);

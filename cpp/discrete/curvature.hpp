@@ -37,6 +37,7 @@ public:
     // Where the step is, and the weights; in internal order.
     std::vector<double> q1, u, q2, lam, w_q, w_p, w_lam;
     double share = 0;  // of forces at the instants (s)
+    double t = 0;      // at the start (s)
 
     // Entries first .. first + length of th stand at `position` of the output; runs are ascending and cover all of th.
     struct Run {
@@ -72,10 +73,10 @@ private:
     void add_potentials();
     void add_forces(double dt);
     void add_instant_forces();
-    // Calls sink(force, size, second) with the Hessian of mu_force_.f by [q; v; u], (size, size), at q_mid_, v_, u.
+    // Calls sink(force, size, second) with the Hessian of mu_force_.f by [q; v; u], (size, size), at q_mid_, v_, u, time.
     template <class Sink>
     void each_force_curvature(const std::vector<std::shared_ptr<const GeneralizedForce>>& forces,
-                              const std::vector<int>& joints, const Sink& sink);
+                              const std::vector<int>& joints, double time, const Sink& sink);
     void add_constraints();
     // Second derivatives by (q1, q2), each put where the variable lives: q2 is y (dynamic) or rho2 (kinematic). Of what is
     // symmetric add_11 and add_22 are called for both (i, j) and (j, i), and the upper triangle of W_thth is kept.

@@ -63,6 +63,7 @@ void LaneStep::evaluate(double dt) {
         q_mid_[i] = 0.5 * (q1[i] + q2[i]);
         v_[i] = rate * (q2[i] - q1[i]);
     }
+    lagrangian_.at.time = t + 0.5 * dt;
     lagrangian_.gradient(q_mid_.data(), v_.data());
     std::fill(f_.begin(), f_.end(), Lanes(0.0));
     for (const auto& [i, slot] : m.damping) f_[i] -= m.numbers[slot] * v_[i];

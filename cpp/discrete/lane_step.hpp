@@ -17,6 +17,7 @@ public:
     explicit LaneStep(const MidpointStep& like);
 
     std::vector<Lanes> q1, p1, u, q2, lam, p2;  // as in MidpointStep
+    double t = 0;
 
     // Begins anew, from q1.
     void place_start();

@@ -36,7 +36,8 @@ struct Layout {
 
     // For how long forces at the instants act at the start of step k, of which the first has a part of its own.
     static double share(std::size_t k, double dt, double first_share) { return k > 0 ? dt : first_share * dt; }
-    void start(const double* x, const double* u, double share, MidpointStep& step) const {
+    void start(const double* x, const double* u, double t, double share, MidpointStep& step) const {
+        step.t = t;
         for (int i = 0; i < nq; ++i) step.q1[i] = x[m.places[i]];
         for (int i = 0; i < nd; ++i) step.p1[i] = x[nqx + m.external[i]];
         for (const Ball& ball : m.balls) {
@@ -106,8 +107,8 @@ struct Layout {
     }
     // The derivatives of a step whose end is known; false where it is no step of the mechanism.
     bool differentiate(MidpointStep& step, FirstOrder& first, const double* x, const double* u, const double* next,
-                       double dt, double share) const {
-        start(x, u, share, step);
+                       double t, double dt, double share) const {
+        start(x, u, t, share, step);
         finish(step, next);
         std::fill(step.lam.begin(), step.lam.end(), 0.0);  // so that no result depends on the range it is in
         step.place_start();

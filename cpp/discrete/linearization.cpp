@@ -32,7 +32,7 @@ int for_each_step(const Midpoint& integrator, int steps, int threads, const OfSt
 }
 
 std::size_t record_size(const Layout& at) {
-    return 2 * at.m.n_coordinates() + at.ni + at.nc + 1 +
+    return 2 * at.m.n_coordinates() + at.ni + at.nc + 2 +
            static_cast<std::size_t>(at.nc) * (at.theta + at.nc + 2 * at.nd);
 }
 
@@ -88,6 +88,7 @@ void Linearization::carry(Point& point, First& first, const Carry& carry) const 
     carry(point.q2.data(), at.m.n_coordinates());
     carry(point.lam.data(), at.nc);
     carry(&point.share, 1);
+    carry(&point.t, 1);
     for (int c = 0; c < at.nc; ++c) carry(&first.Y[(at.nd + c) * first.ld], at.theta);
     for (int i = 0; i < at.nd + at.nc; ++i) carry(first.Y.data() + i * first.ld + at.theta, at.nc);
     for (int i = 0; i < at.nd; ++i) carry(first.P2.data() + i * first.ld + at.theta, at.nc);
@@ -102,7 +103,7 @@ int Linearization::along(const double* t, const double* X, const double* U, doub
         const double *x = X + k * nx, *u = U + k * nu, *next = ends ? ends + k * nx : x + nx;
         MidpointStep& step = workspace.step;
         FirstOrder& first = workspace.first();
-        if (!at.differentiate(step, first, x, u, next, dt, at.share(k, dt, first_share))) return false;
+        if (!at.differentiate(step, first, x, u, next, t[k], dt, at.share(k, dt, first_share))) return false;
         dt_.data()[k] = dt;
         defect.data()[k] = at.distance(step, next);
         const int ld = first.ld;
@@ -216,7 +217,7 @@ int differentiate_by_parameters(const Midpoint& integrator, int steps, const dou
         MidpointStep& step = workspace.step;
         FirstOrder& first = workspace.first();
         const double share = at.share(k, dt, first_share);
-        if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, dt, share)) return false;
+        if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, t[k], dt, share)) return false;
         ParameterSlopes& slopes = workspace.slopes();
         slopes.differentiate(step, first, dt, parameters);
         write_slopes(at, step, dt, parameters, slopes, by_x + k * at.ndx * count, by_lam + k * at.nc * count, true);
@@ -234,6 +235,7 @@ void load_second(const Layout& at, const MidpointStep& step, const double* W_k, 
     std::copy(step.u.begin(), step.u.end(), second.u.begin());
     std::copy(step.lam.begin(), step.lam.end(), second.lam.begin());
     second.share = share;
+    second.t = step.t;
     for (int i = 0; i < at.nd; ++i) {
         second.w_q[i] = W_k[at.m.external[i]];
         second.w_p[i] = W_k[at.nq + at.m.external[i]];
@@ -257,7 +259,7 @@ int curvature_by_time_step(const Midpoint& integrator, int steps, const double* 
         FirstOrder& first = workspace.first();
         SecondOrder& second = workspace.second();
         const double share = at.share(k, dt, first_share);
-        if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, dt, share)) return false;
+        if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, t[k], dt, share)) return false;
         ParameterSlopes& slopes = workspace.slopes();
         slopes.differentiate(step, first, dt, lengths);
         load_second(at, step, W_k, weights, share, second);
@@ -293,7 +295,7 @@ int curvature_by_numbers(const Midpoint& integrator, int steps, const double* t,
         FirstOrder& first = workspace.first();
         SecondOrder& second = workspace.second();
         const double share = at.share(k, dt, first_share);
-        if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, dt, share)) return false;
+        if (!at.differentiate(step, first, now, U + k * at.nu, now + at.nx, t[k], dt, share)) return false;
         ParameterSlopes& slopes = workspace.slopes();
         slopes.differentiate(step, first, dt, directions);
         load_second(at, step, W + k * weights, weights, share, second);

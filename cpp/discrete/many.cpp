@@ -55,6 +55,7 @@ public:
         for (int l = 0; l < block.count; ++l) running[l] = -1;
         for (int k = 0; k < block.steps && any(running); ++k) {
             const double dt = block.t[k + 1] - block.t[k];
+            step_.t = block.t[k];
             if (k == 0) place_start(block);
             load_inputs(block, k);
             Lanes::Mask found = running;
@@ -102,10 +103,10 @@ private:
         const double *x = state(block, l, k), *u = input(block, l, k);
         auto workspace = integrator_.workspace();
         MidpointStep& alone = workspace->step;
-        at_.start(x, u, 0.0, alone);
+        at_.start(x, u, block.t[k], 0.0, alone);
         std::fill(alone.lam.begin(), alone.lam.end(), 0.0);
         alone.place_start();
-        if (!alone.guess_limit(dt)) at_.start(x, u, 0.0, alone);
+        if (!alone.guess_limit(dt)) at_.start(x, u, block.t[k], 0.0, alone);
         ++block.made[l].alone;
         block.made[l].status = alone.find(dt).status;
         if (block.made[l].status != StepStatus::converged) {

@@ -113,6 +113,7 @@ void MidpointStep::kick(double for_how_long) {
     for (const auto& [i, input] : m.instant_joint_forces) p1[i] += share * u[input];
     if (m.instant_forces.empty()) return;
     place(m.instant_joints, q1.data(), at1_);
+    at1_.time = t;
     for_each_entry(m.instant_forces, instant(), force_, [&](int i, double f) {
         if (i < nd_) p1[i] += share * f;
     });
@@ -165,6 +166,7 @@ void MidpointStep::evaluate_middle(double dt) {
         v_[i] = (q2[i] - q1[i]) / dt;
     }
     if (!mechanism_->balls.empty()) turn_ends();
+    lagrangian_.at.time = t + 0.5 * dt;
     lagrangian_.gradient(q_mid_.data(), v_.data());
     add_elements();
 }

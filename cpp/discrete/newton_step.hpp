@@ -63,6 +63,7 @@ inline double kappa_plus(Split split, double dt) { return split == Split::left ?
 struct StepEnergy {
     double kinetic = 0, potential = 0;
     double size = 0;                          // of the terms that the energy is the sum of
+    double grown = 0;                         // what potentials that change with the time add over the step
     std::vector<double> v, at_start, at_end;  // velocity over the step; impulses
 };
 
@@ -75,6 +76,7 @@ public:
 
     // Problem and unknowns. Before solve(): q1, p1, u, the kinematic part of q2, and guesses of the rest of q2 and lam.
     std::vector<double> q1, p1, u, q2, lam, p2;
+    double t = 0;      // at its start (s), for elements that change with the time: at the middle of the step
     double share = 0;  // for how long forces at the instants act at the start (s)
 
     // Begins anew, from q1: nothing is carried over from steps before. Without it the last step's Dh(q2) and Newton matrix

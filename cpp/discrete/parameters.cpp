@@ -8,7 +8,9 @@ namespace leastaction {
 
 NumberDuals::NumberDuals(const Mechanism& m) : start(m), end(m), middle(m), m_(m), still_(m.n_variables()) {}
 
-void NumberDuals::place_at(const MidpointStep& step) {
+void NumberDuals::place_at(const MidpointStep& step, double dt) {
+    start.time = step.t;
+    middle.time = step.t + 0.5 * dt;
     const ForcePoint<double> at = step.middle();
     Q1.assign(step.q1.begin(), step.q1.end());
     Q2.assign(step.end(), step.end() + m_.n_coordinates());
@@ -25,10 +27,12 @@ void NumberDuals::look(const double* numbers, const double* direction) {
     for (auto* at : {&start, &end, &middle}) {
         at->numbers = numbers;
         at->number_slopes = direction;
+        at->time_slope = 0;
     }
 }
 
-ParameterSlopes::ParameterSlopes(const Mechanism& mechanism) : duals(mechanism), m_(mechanism) {
+ParameterSlopes::ParameterSlopes(const Mechanism& mechanism)
+    : duals(mechanism), m_(mechanism), still_(mechanism.numbers.size()) {
     for (auto* a : {&L_q_, &L_v_, &f_, &kick_, &L_qv_v_, &L_vv_v_, &f_v_v_, &force_, &start_, &end_})
         a->resize(m_.n_variables());
 }
@@ -68,8 +72,10 @@ void ParameterSlopes::add_time_step(MidpointStep& step, double dt) {
 }
 
 void ParameterSlopes::add_numbers(const Parameter& parameter, const MidpointStep& step, int column) {
-    const double* direction = parameter.numbers.data();
+    const double* direction = parameter.numbers.empty() ? still_.data() : parameter.numbers.data();
     duals.look(m_.numbers.data(), direction);
+    duals.start.time_slope = parameter.time;
+    duals.middle.time_slope = parameter.middle_time();
     for (const auto& [i, slot] : m_.damping) f_[i] -= direction[slot] * step.middle().v[i];
     for (const Rotor& rotor : m_.rotors)
         rotor.each_momentum(duals.middle, duals.V.data(),
@@ -98,18 +104,20 @@ void ParameterSlopes::differentiate(MidpointStep& step, const FirstOrder& first,
     ld = (count + NewtonMatrix::lanes - 1) / NewtonMatrix::lanes * NewtonMatrix::lanes;
     Y.assign(static_cast<std::size_t>(ny) * ld, 0.0);
     P2.assign(static_cast<std::size_t>(nd) * ld, 0.0);
-    if (std::any_of(parameters.begin(), parameters.end(), [](const Parameter& p) { return !p.numbers.empty(); }))
-        duals.place_at(step);
+    const auto by_duals = [&](const Parameter& p) {
+        return !p.numbers.empty() || (m_.time_slot >= 0 && p.middle_time() != 0);
+    };
+    if (std::any_of(parameters.begin(), parameters.end(), by_duals)) duals.place_at(step, dt);
     for (int k = 0; k < count; ++k) {
         const Parameter& parameter = parameters[k];
         for (auto* a : {&L_q_, &L_v_, &f_, &kick_}) std::fill(a->begin(), a->end(), 0.0);
         for (const auto& [joint, inertia] : parameter.inertias)
             step.lagrangian().add_inertia_slope(joint, inertia, L_q_, L_v_);
-        if (!parameter.numbers.empty()) {
+        if (!parameter.numbers.empty() && m_.gravity_slot >= 0) {
             const double* g = parameter.numbers.data() + m_.gravity_slot;
-            if (m_.gravity_slot >= 0) step.lagrangian().add_gravity_slope({g[0], g[1], g[2]}, L_q_);
-            add_numbers(parameter, step, k);
+            step.lagrangian().add_gravity_slope({g[0], g[1], g[2]}, L_q_);
         }
+        if (by_duals(parameter)) add_numbers(parameter, step, k);
         if (parameter.time_step) add_time_step(step, dt);
         for (int i = 0; i < nd; ++i) {
             start_[i] = 0.5 * dt * L_q_[i] - L_v_[i] + km * f_[i];

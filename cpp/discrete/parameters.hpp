@@ -18,11 +18,15 @@
 namespace leastaction {
 
 // A direction in the space of the mechanism's numbers: of the numbers of elements by slot (or none at all), and of spatial
-// inertias by joint, in the joint's frame; and whether the time step grows with it.
+// inertias by joint, in the joint's frame; and whether the time step grows with it, from its start on.
 struct Parameter {
     std::vector<double> numbers;
     std::vector<std::pair<int, Inertia<double>>> inertias;
     bool time_step = false;
+    double time = 0;  // how the time at its start grows with it
+
+    // Of what stands at the middle of the step.
+    double middle_time() const { return time + (time_step ? 0.5 : 0.0); }
 };
 
 // The elements of a step on duals in the space of the mechanism's numbers: at the start for its constraints and forces at
@@ -30,8 +34,8 @@ struct Parameter {
 class NumberDuals {
 public:
     explicit NumberDuals(const Mechanism& m);
-    void place_at(const MidpointStep& step);
-    // Takes other numbers than the mechanism's, and the direction along which they are differentiated.
+    void place_at(const MidpointStep& step, double dt);
+    // Takes other numbers than the mechanism's, and the direction along which they are differentiated, at a time that stays.
     void look(const double* numbers, const double* direction);
     ForcePoint<Dual<double>> at_start() const { return {start, Q1.data(), still_.data(), U_.data()}; }
     ForcePoint<Dual<double>> at_middle() const { return {middle, Q.data(), V.data(), U_.data()}; }
@@ -63,6 +67,7 @@ private:
     void set_along_velocity(const MidpointStep& step);
 
     const Mechanism& m_;
+    const std::vector<double> still_;  // the direction in which no number changes
     std::vector<double> L_q_, L_v_, f_, kick_, start_, end_;
     // Products of second derivatives at the midpoint with its velocity, by variable: L_qv v, L_vv v, f_v v, and the force f.
     std::vector<double> L_qv_v_, L_vv_v_, f_v_v_, force_;

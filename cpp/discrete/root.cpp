@@ -18,8 +18,9 @@
 //
 // Where the way leads through a configuration in which constraints lose rank (a lift with its links upright, a parallelogram
 // drawn out straight) two ways cross: the determinant changes its sign there, not towards infinity but by the constraints,
-// and the motion goes straight on. Such a crossing is told from a mirrored root by the correction, which is small against
-// the way.
+// and the motion goes straight on. So it does, with s through infinity, where the equations of a motion that is not made lose
+// rank: a cable that stays in its plane and would buckle out of it. Such a crossing is told from a mirrored root by the
+// correction, which is small against the way; at a fold the way turns.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -36,6 +37,7 @@ using namespace trust;
 constexpr double contraction = 0.25;       // of the second correction
 constexpr double long_turn = 1.0;          // rad: no part of the way is longer
 constexpr double straight = 0.1;           // a correction of less than this part of the way means no turn
+constexpr double straight_past_infinity = 0.01;  // and of this part, where s goes through infinity
 constexpr double nothing_left = 1e-9;      // rad or m: a correction below this contracts by rounding alone
 constexpr double least_part = 1.0 / 1024;  // of the time step, to go on along the path
 constexpr int max_corrections = 8;
@@ -209,7 +211,8 @@ bool MidpointStep::follow(double from, double to, double dt) {
             const double s = determinant_ratio(to);
             if (!(std::abs(s) > 0)) return false;
             const bool crosses = (s < 0) != (path_s_ < 0);
-            if (crosses && !(s_is_by_constraints_ && first <= straight * straight * way)) return false;
+            const double turn = s_is_by_constraints_ ? straight : straight_past_infinity;
+            if (crosses && !(first <= turn * turn * way)) return false;
             path_s_ = s;
             for (int i = 0; i < nd_; ++i) {
                 const double v = (q2[i] - q1[i]) / to;

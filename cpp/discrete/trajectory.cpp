@@ -79,10 +79,10 @@ bool is_worse(const WorstStep& worst, double s, double turn) {
 }
 
 // s of the worst step from x to `end`, where it is not known yet.
-void judge_worst(MidpointStep& step, const Layout& at, double dt, double share, const double* x, const double* u,
+void judge_worst(MidpointStep& step, const Layout& at, double t, double dt, double share, const double* x, const double* u,
                  const double* end, WorstStep& worst) {
     if (worst.k < 0 || !std::isnan(worst.s)) return;
-    at.start(x, u, share, step);
+    at.start(x, u, t, share, step);
     step.place_start();
     if (!step.guess_limit(dt)) return;
     at.finish(step, end);
@@ -119,10 +119,11 @@ RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* x
         const double dt = t[k + 1] - t[k], share = at.share(k, dt, first_share);
         if (xbar) at.velocity(xbar_k, dt, reference.data());
         if (k == 0) {
-            at.start(x, u, share, step);
+            at.start(x, u, t[k], share, step);
             step.place_start();
-            if (!step.guess_limit(dt)) at.start(x, u, share, step);
+            if (!step.guess_limit(dt)) at.start(x, u, t[k], share, step);
         } else {
+            step.t = t[k];
             at.input(u, step);
             step.kick(share);
             series.guess(step, dt, xbar ? reference.data() : nullptr);
@@ -160,7 +161,7 @@ RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* x
     if (const int k = out.worst.k; k >= 0) {
         const double* x = X + static_cast<std::size_t>(k) * at.nx;
         const double dt = t[k + 1] - t[k];
-        judge_worst(step, at, dt, at.share(k, dt, first_share), x, U + static_cast<std::size_t>(k) * at.nu, x + at.nx,
+        judge_worst(step, at, t[k], dt, at.share(k, dt, first_share), x, U + static_cast<std::size_t>(k) * at.nu, x + at.nx,
                     out.worst);
     }
     return out;
@@ -181,10 +182,10 @@ RollOut step_each(const Midpoint& integrator, int steps, const double* t, const 
         for (int k = begin; k < end; ++k) {
             const double dt = t[k + 1] - t[k], share = at.share(k, dt, first_share);
             const double *x = X + static_cast<std::size_t>(k) * at.nx, *u = U + static_cast<std::size_t>(k) * at.nu;
-            at.start(x, u, share, step);
+            at.start(x, u, t[k], share, step);
             std::fill(step.lam.begin(), step.lam.end(), 0.0);  // so that no result depends on the range it is in
             step.place_start();
-            if (!step.guess_limit(dt)) at.start(x, u, share, step);
+            if (!step.guess_limit(dt)) at.start(x, u, t[k], share, step);
             made[k] = {step.find(dt), step.largest_turn(), step.most_turned()};
             if (made[k].report.status != StepStatus::converged) {
                 workspace.discard();
@@ -213,7 +214,7 @@ RollOut step_each(const Midpoint& integrator, int steps, const double* t, const 
     if (const std::size_t k = std::max(out.worst.k, 0); out.worst.k >= 0) {
         auto workspace = integrator.workspace();
         const double dt = t[k + 1] - t[k], share = at.share(k, dt, first_share);
-        judge_worst(workspace->step, at, dt, share, X + k * at.nx, U + k * at.nu, ends + k * at.nx, out.worst);
+        judge_worst(workspace->step, at, t[k], dt, share, X + k * at.nx, U + k * at.nu, ends + k * at.nx, out.worst);
     }
     return out;
 }

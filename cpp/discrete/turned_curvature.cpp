@@ -79,6 +79,7 @@ void SecondOrder::begin_turned(double dt) {
         v_[i] = (q2[i] - q1[i]) / dt;
     }
     place_balls();
+    t.lagrangian.at.time = this->t + 0.5 * dt;
     t.lagrangian.gradient(q_mid_.data(), v_.data());
     place(m.massless_joints_seen, q_mid_.data(), t.lagrangian.at);
     for_each_entry(m.potentials, t.lagrangian.at, q_mid_.data(), local_,

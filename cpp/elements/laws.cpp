@@ -140,7 +140,7 @@ void Law::evaluate(const Numbers<T>& at, const T& x, T out[3]) const {
 void Law::evaluate(const Numbers<Lanes>& at, const Lanes& x, Lanes out[3]) const {
     for (int l = 0; l < lane_count; ++l) {
         double of_lane[3];
-        evaluate(Numbers<double>{at.numbers}, x[l], of_lane);
+        evaluate(at.plain(), x[l], of_lane);
         for (int order = 0; order < 3; ++order) out[order].set(l, of_lane[order]);
     }
 }

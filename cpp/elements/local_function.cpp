@@ -27,7 +27,7 @@ void LocalFunction::evaluate(const LocalCall<Lanes>& call) const {
     for (int l = 0; l < lane_count; ++l) {
         double value = 0, scale = call.scale[l];
         for (int i = 0; i < n; ++i) z[i] = call.z[i][l];
-        evaluate(LocalCall<double>{{call.at.numbers}, z, n, call.order, value, gradient, hessian, scale});
+        evaluate(LocalCall<double>{call.at.plain(), z, n, call.order, value, gradient, hessian, scale});
         call.value.set(l, value);
         call.scale.set(l, scale);
         for (int i = 0; i < n && call.order != Order::value; ++i) call.gradient[i].set(l, gradient[i]);

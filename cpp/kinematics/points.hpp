@@ -69,22 +69,28 @@ struct Constants {
     std::vector<Point> points;
     std::vector<Point> directions;  // vectors fixed in the frame behind a joint: they turn, but do not move
     std::vector<double> numbers;    // of the elements, by slot
+    int time_slot = -1;             // of the number that is the time, where an element asks for it
 
     double number(int slot) const { return numbers[slot]; }
 };
 
-// Numbers of the elements, by slot; others may stand for those of the mechanism.
+// Numbers of the elements, by slot; others may stand for those of the mechanism, and the time for the one in its slot.
 template <class T>
 struct Numbers {
     const double* numbers;
     const double* number_slopes = nullptr;  // duals only: the direction in their space
+    int time_slot = -1;
+    double time = 0, time_slope = 0;  // the time (s), and its part of the direction
 
     T number(int slot) const {
+        const bool timed = slot == time_slot;
+        const double value = timed ? time : numbers[slot];
         if constexpr (is_dual<T>)
-            return {numbers[slot], number_slopes ? number_slopes[slot] : 0.0};
+            return {value, timed ? time_slope : number_slopes ? number_slopes[slot] : 0.0};
         else
-            return numbers[slot];
+            return value;
     }
+    Numbers<double> plain() const { return {numbers, nullptr, time_slot, time}; }
 };
 
 template <class T>
@@ -95,7 +101,7 @@ public:
     std::vector<double> angle, sine, cosine;  // work space of place()
 
     explicit Placement(const Constants& constants)
-        : Numbers<T>{constants.numbers.data()},
+        : Numbers<T>{constants.numbers.data(), nullptr, constants.time_slot},
           pose(constants.joints.size()),
           twist(pose.size()),
           angle(pose.size() + 8),

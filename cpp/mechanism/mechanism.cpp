@@ -240,6 +240,10 @@ int MechanismBuilder::add_direction(int joint, const Vec3<double>& direction) {
     return append(directions_, Point{check_joint(joint), direction});
 }
 int MechanismBuilder::add_number(double value) { return append(numbers_, value); }
+int MechanismBuilder::time() {
+    if (time_slot_ < 0) time_slot_ = add_number(0.0);
+    return time_slot_;
+}
 void MechanismBuilder::set_number(int slot, double value) { numbers_[check_slot(slot)] = value; }
 int MechanismBuilder::set_gravity(const Vec3<double>& g) {
     gravity_slot_ = add_number(g.x);
@@ -451,6 +455,7 @@ void MechanismBuilder::order_variables(Mechanism& m) const {
 void MechanismBuilder::set_numbers(Mechanism& m) const {
     m.numbers = numbers_;
     m.gravity_slot = gravity_slot_;
+    m.time_slot = time_slot_;
     if (gravity_slot_ >= 0) {
         const double* g = m.numbers.data() + gravity_slot_;
         m.gravity = {g[0], g[1], g[2]};

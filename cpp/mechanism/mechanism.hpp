@@ -193,6 +193,7 @@ public:
     int set_gravity(const Vec3<double>& g);  // slot of its first component
     int add_direction(int joint, const Vec3<double>& direction);
     int add_number(double value);
+    int time();  // slot of the number that is the time
     void set_number(int slot, double value);
 
     int combination(std::vector<int> variables, std::vector<int> factor_slots);
@@ -251,7 +252,7 @@ private:
     void order_variables(Mechanism& m) const;
 
     int n_dynamic_, n_kinematic_, n_inputs_;
-    int gravity_slot_ = -1;
+    int gravity_slot_ = -1, time_slot_ = -1;
     std::vector<Joint> joints_;
     std::vector<int> balls_;  // first joints
     std::vector<std::pair<int, Body>> bodies_;

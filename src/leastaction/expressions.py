@@ -14,10 +14,12 @@ from leastaction.mechanics.expressions import (
     point,
     rate,
     speed,
+    time,
     unit_vector,
     variable,
 )
 
 __all__ = [
-    "coordinate", "direction", "distance", "input_", "parameter", "point", "rate", "speed", "unit_vector", "variable",
+    "coordinate", "direction", "distance", "input_", "parameter", "point", "rate", "speed", "time", "unit_vector",
+    "variable",
 ]  # fmt: skip

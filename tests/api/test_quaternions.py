@@ -30,9 +30,11 @@ from leastaction.mechanics import (
     configuration_by,
     free,
     rz,
+    simulate,
     tx,
     tz,
 )
+from leastaction.systems import MechanismSystem
 
 
 def floater(*elements: Any) -> Mechanism:
@@ -81,6 +83,24 @@ def test_is_the_same_after_files_and_processes(tmp_path: Path) -> None:
     run.save(tmp_path / "run.npz")
     back = leastaction.open(tmp_path / "run.npz")
     assert np.array_equal(back.trajectory.q if hasattr(back, "trajectory") else back.q, run.q)
+
+
+def test_motions_in_continuous_time_are_kept_and_drawn(tmp_path: Path) -> None:
+    m = floater()
+    run = simulate(m, m.configuration(), np.linspace(-1.0, 2.0, m.nv), np.linspace(0.0, 0.5, 11))
+    assert (run.q.shape, run.v.shape, run.a.shape) == ((11, 12), (11, 10), (11, 10))
+    assert len(run.state_units) == m.nx
+    run.save(tmp_path / "run.npz")
+    back = leastaction.open(tmp_path / "run.npz")
+    for other in (back, pickle.loads(pickle.dumps(run))):
+        assert np.array_equal(other.x, run.x)
+    assert np.array_equal(pickle.loads(pickle.dumps(run))(0.123), run(0.123))
+    leastaction.show(run).save(tmp_path / "run.html")
+    assert (tmp_path / "run.html").stat().st_size > 1000
+    with pytest.raises(ArgumentError, match="reactions: not yet"):
+        run.reactions()
+    system = MechanismSystem(m)
+    assert system.state_names == (*m.coordinates, *(f"v_{name}" for name in m.variables))
 
 
 def test_is_drawn(tmp_path: Path) -> None:

@@ -489,6 +489,8 @@ def test_a_continuous_system_is_steered_by_the_numbers_of_its_states():
     assert found.success
     assert found.cost == pytest.approx(0.5 * 2.5**2 / (1.0 + 1e-4), rel=1e-8)
     assert np.ptp(found.u, axis=0).max() < 1e-4
+    still = ContinuousQuadraticCost(goal, np.zeros(3), Q=np.ones(3), R=np.ones(3), space=system)  # no final weight
+    assert optimize(system, still, initial=(goal, np.zeros(3)), horizon=(0.0, 1.0)).cost < 1e-20
     with pytest.raises(ArgumentError, match=r"subtracts states.*give it space=system"):
         optimize(
             system,

@@ -95,7 +95,7 @@ def to_discrete(
     u = trajectory.input(times)
     lam = np.empty((len(times), m.nc))
     if m.nc:
-        out = ContinuousDynamics(m).accelerations(q, v, u[:, : m.n_inputs], u[:, m.n_inputs :])
+        out = ContinuousDynamics(m).accelerations(q, v, u[:, : m.n_inputs], u[:, m.n_inputs :], times)
         lam = out.lam
     p = to_momentum(m, q, v)
     for k in range(1, len(times) if m.nc else 0):
@@ -140,7 +140,7 @@ def to_continuous(run: Trajectory, *, dynamics: ContinuousDynamics | None = None
     rho_v, rho_a = _slopes(run.rho, run.t)
     v = to_velocity(m, run.q, run.p, rho_v, keep_constraints=True)
     inputs = _at_instants(run.inputs, run.t)
-    out = dynamics.accelerations(run.q, v, inputs, rho_a)
+    out = dynamics.accelerations(run.q, v, inputs, rho_a, run.t)
     worst = np.zeros((2, m.nc))
     for pair in zip(run.q, v, strict=True):
         np.maximum(worst, np.abs(rates(m, *pair)), out=worst)

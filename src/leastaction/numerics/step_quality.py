@@ -27,7 +27,8 @@ class StepQuality:
         Determinant of the equations of the step for ``dt -> 0`` over that at its solution. Near 1 for a
         sound step; it grows without bound towards a time step for which there is no solution, is small where
         fast turning, stiff springs or dampers dominate the inertia, and is negative where the step
-        passed a configuration in which constraints lose rank. NaN: not known.
+        passed a configuration in which constraints lose rank, or is too long for a motion that is not made, such as
+        the buckling of a cable that stays in its plane. NaN: not known.
     angle : float
         Largest angle that a variable moved over the step (rad).
     variable : str
@@ -55,7 +56,7 @@ class StepQuality:
         """Return the verdict in a sentence."""
         verdict = "the time step is coarse" if self.is_coarse else "the coarsest step is that"
         turned = f", {self.variable!r} moved by {self.angle:.3g} rad" if self.variable else ""
-        crossed = "; it passed a configuration in which constraints lose rank" * (self.s < 0.0)
+        crossed = "; it passed a configuration in which its equations lose rank" * (self.s < 0.0)
         return f"{verdict} at t = {self.t:.6g} s: s = {self.s:.3g}{turned}{crossed}"
 
 

@@ -84,7 +84,8 @@ class MechanismSystem(ContinuousSystem):
         m = self.mechanism
         nq, nd = m.nq, m.nd
         points = points_of(m, x, u)
-        out = self.dynamics.core.accelerations(*points, self.dynamics.threads)
+        times = np.ascontiguousarray(t, dtype=np.float64)
+        out = self.dynamics.core.accelerations(*points, self.dynamics.threads, times)
         if out.solved != len(x):
             self._explain(points, t)
         rates = np.empty((len(x), m.nx))
@@ -97,8 +98,8 @@ class MechanismSystem(ContinuousSystem):
         self, h: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
     ) -> int:
         kind = type(self)
-        if self.space is not None:
-            return 0
+        if self.space is not None or self.mechanism.core.timed:
+            return 0  # the core goes on in plain vectors and without the time
         if kind.rates is not MechanismSystem.rates or kind.f is not MechanismSystem.f:
             return 0  # its own rates count
         return self.dynamics.core.roll_out_pieces(h, matrix, *reference, K, z, u)
@@ -143,9 +144,9 @@ class MechanismSystem(ContinuousSystem):
 
     @property
     def autonomous(self) -> bool:  # type: ignore[override]
-        """Whether nothing depends on time: so of a mechanism, unless a subclass has rates of its own."""
+        """Whether nothing depends on time: no expression in it, and no subclass has rates of its own."""
         kind = type(self)
-        return kind.rates is MechanismSystem.rates and kind.f is MechanismSystem.f
+        return not self.mechanism.core.timed and kind.rates is MechanismSystem.rates and kind.f is MechanismSystem.f
 
     @property
     def quantities(self) -> tuple[str, ...]:

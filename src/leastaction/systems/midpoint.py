@@ -24,7 +24,7 @@ from leastaction.mechanics.discrete.linearization import StepDerivatives, step_p
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.outcome import quality_of, step_error
 from leastaction.mechanics.discrete.sensitivity import start_by
-from leastaction.mechanics.discrete.step_sensitivity import by_time_step, steps_by
+from leastaction.mechanics.discrete.step_sensitivity import StepSensitivity, by_time_step, steps_by
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.units import input_units, multiplier_units, state_units
@@ -257,19 +257,25 @@ class MidpointSystem(DiscreteSystem):
         out = np.empty((len(u), self.ndx, len(names)))
         numbers = [name for name in names if name != FINAL_TIME]
         vi, share = self.integrator, self._share(start)
-        found = [(numbers, steps_by(vi, t, bare, u, numbers, first_share=share), 1.0)] if numbers else []
+        found: list[tuple[list[str], StepSensitivity, Array | None]] = []
+        if numbers:
+            found.append((numbers, steps_by(vi, t, bare, u, numbers, first_share=share), None))
         if FINAL_TIME in names:
-            growth = np.diff(t)[:, None, None] / (self.t[-1] - self.t[0])
+            # By the length of each step, and by the time at its start.
+            growth = np.array([np.diff(t), t[:-1] - self.t[0]]).T[:, None, :] / (self.t[-1] - self.t[0])
             found.append(([FINAL_TIME], by_time_step(vi, t, bare, u, first_share=share), growth))
-        for of, slopes, factor in found:
+        for of, slopes, growing in found:
             columns = [list(names).index(name) for name in of]
             rows = slopes.x if not self.multipliers else np.concatenate([slopes.x, slopes.lam], axis=1)
-            out[:, :, columns] = rows * factor
+            out[:, :, columns] = rows if growing is None else np.sum(rows * growing, axis=2, keepdims=True)
         return out
 
     def curvature_by_final_time(self, x: Array, u: Array, z: Array, start: int = 0) -> Array | None:
-        """Return all second derivatives at once; None of a system that steps otherwise, as of its parameters."""
-        if type(self).f is not MidpointSystem.f or self.space is not None:
+        """Return all second derivatives at once; None of a system that steps otherwise, as of its parameters.
+
+        None too where an element changes with the time.
+        """
+        if type(self).f is not MidpointSystem.f or self.space is not None or self.mechanism.core.timed:
             return None
         t, vi = self.t[start : start + len(x)], self.integrator
         out = vi.core.curvature_by_time_step(
@@ -378,7 +384,8 @@ class MidpointSystem(DiscreteSystem):
     def linearize_by(
         self, x: Array, u: Array, names: Sequence[str], out: Linearization | None = None
     ) -> tuple[Linearization, Array]:
-        if tuple(names) != (FINAL_TIME,) or type(self).linearize is not MidpointSystem.linearize:
+        own = type(self).linearize is MidpointSystem.linearize and not self.mechanism.core.timed
+        if tuple(names) != (FINAL_TIME,) or not own:
             return super().linearize_by(x, u, names, out)
         by = np.empty((self.N, self.ndx))
         d = self._linearize(self.t, x, u, self.first_share, _memory_of(out), by)

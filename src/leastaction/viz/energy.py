@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 _NODES: Final = (0.5 - np.sqrt(3.0) / 6.0, 0.5 + np.sqrt(3.0) / 6.0)  # Gauss: none where inputs jump
 _PIECES: Final = 600  # that a run in continuous time is divided into at the least, to integrate power
+_LATER: Final = 1e-5  # s: over which potentials that change with the time are differenced
 _LEAST: Final = 1e-6  # of the energy that moves about: the least range of the balance
 
 
@@ -104,29 +105,37 @@ def _in_steps(run: Trajectory) -> WorkAndEnergy:
 
 def _in_time(run: ContinuousTrajectory) -> WorkAndEnergy:
     if run.dense is None:
-        power = _power(run, run.x, run.u)
+        power = _power(run, run.t, run.x, run.u)
         steps = 0.5 * np.diff(run.t) * (power[1:] + power[:-1])
     else:
         parts = -(-_PIECES // max(len(run.t) - 1, 1))
         ends = np.interp(np.arange((len(run.t) - 1) * parts + 1) / parts, np.arange(len(run.t)), run.t)
         starts, size = ends[:-1], np.diff(ends)
         nodes = [starts + node * size for node in _NODES]
-        pieces = sum(0.5 * size * _power(run, run(t), run.input(t)) for t in nodes)
+        pieces = sum(0.5 * size * _power(run, t, run(t), run.input(t)) for t in nodes)
         steps = np.asarray(pieces).reshape(-1, parts).sum(axis=1)
     return WorkAndEnergy(t=run.t, energy=run.energy(), work=np.concatenate([[0.0], np.cumsum(steps)]))
 
 
-def _power(run: ContinuousTrajectory, x: Array, u: Array) -> Array:
-    """Return the power (W) of inputs, damping and prescribed motion in states (n, nx) with inputs (n, nu)."""
+def _power(run: ContinuousTrajectory, t: Array, x: Array, u: Array) -> Array:
+    """Return the power (W) of inputs, damping, prescribed motion and potentials that change with the time.
+
+    At times t (n,) in states (n, nx) with inputs (n, nu).
+    """
     m = run.mechanism
     q, v, inputs = x[:, : m.nq], x[:, m.nq :], u[:, : m.n_inputs]
     states = [tuple(map(np.ascontiguousarray, state)) for state in zip(q, v, inputs, strict=True)]
-    power = np.array([m.core.force(at, speed, given) @ speed for at, speed, given in states])
+    power = np.array(
+        [m.core.force(at, speed, given, t=now) @ speed for now, (at, speed, given) in zip(t, states, strict=True)]
+    )
+    if m.core.timed:
+        later, earlier = (m.energy(q, v, t + way).potential for way in (_LATER, -_LATER))
+        power += (later - earlier) / (2.0 * _LATER)
     if m.nrho:
         dynamics = ContinuousDynamics(m)
         rho_a = u[:, m.n_inputs :]
-        found = dynamics.accelerations(q, v, inputs, rho_a)
+        found = dynamics.accelerations(q, v, inputs, rho_a, t)
         a = np.hstack([found.a[:, : m.nd], rho_a])
-        drive = dynamics.inverse_dynamics(q, v, a, found.lam, u=inputs)
+        drive = dynamics.inverse_dynamics(q, v, a, found.lam, u=inputs, t=t)
         power += np.sum(drive[:, m.nd :] * v[:, m.nd :], axis=1)
     return power

@@ -90,10 +90,11 @@ def _lacking(motion: Trajectory | ContinuousTrajectory) -> tuple[Array, Array]:
     """Return times and what the equations of dynamic variables lack there, relative to the largest term of each."""
     m = motion.mechanism
     if isinstance(motion, ContinuousTrajectory):
-        found = ContinuousDynamics(m).inverse_dynamics(motion.q, motion.v, motion.a, motion.lam, u=motion.inputs)
-        slopes = [
-            m.core.gradient(*map(np.ascontiguousarray, state))[0] for state in zip(motion.q, motion.v, strict=True)
-        ]
+        found = ContinuousDynamics(m).inverse_dynamics(
+            motion.q, motion.v, motion.a, motion.lam, u=motion.inputs, t=motion.t
+        )
+        at = zip(map(np.ascontiguousarray, motion.q), map(np.ascontiguousarray, motion.v), motion.t, strict=True)
+        slopes = [m.core.gradient(q, v, t)[0] for q, v, t in at]
         inertia = [m.mass_matrix(q)[: m.nd] @ a for q, a in zip(motion.q, motion.a, strict=True)]
         scale = max(float(np.abs(slopes).max(initial=0.0)), float(np.abs(inertia).max(initial=0.0)))
         return motion.t, found[:, : m.nd] / (scale or 1.0)
@@ -107,10 +108,11 @@ def _impulses(run: Trajectory) -> tuple[Array, Array, Array]:
     """Return the impulses (N, nd) at the ends and the starts of steps, and of constraints at their starts."""
     m, dt, shares = run.mechanism, np.diff(run.t)[:, None], MidpointVI(run.mechanism).shares
     angles_only(run.mechanism, "residuals")
-    states = list(zip(0.5 * (run.q[1:] + run.q[:-1]), run.v, run.inputs, strict=True))
-    slopes = [m.core.gradient(q, v) for q, v, _ in states]
+    middle = 0.5 * (run.t[1:] + run.t[:-1])
+    states = list(zip(0.5 * (run.q[1:] + run.q[:-1]), run.v, run.inputs, middle, strict=True))
+    slopes = [m.core.gradient(q, v, t) for q, v, _, t in states]
     L_q, L_v = (np.array([slope[i] for slope in slopes]).reshape(len(dt), m.nq)[:, : m.nd] for i in (0, 1))
-    f = np.array([m.core.force(q, v, u) for q, v, u in states]).reshape(len(dt), m.nq)[:, : m.nd]
+    f = np.array([m.core.force(q, v, u, t=t) for q, v, u, t in states]).reshape(len(dt), m.nq)[:, : m.nd]
     held = [m.constraint_jacobian(q)[:, : m.nd].T @ lam for q, lam in zip(run.q[:-1], run.lam, strict=True)]
     after = dt * (0.5 * L_q + shares[1] * f) + L_v  # D2Ld + fd+
     before = dt * (0.5 * L_q + shares[0] * f) - L_v  # D1Ld + fd-

@@ -36,7 +36,7 @@ def run_of(source: Path, dataset: Dataset, m: Mechanism) -> Trajectory | Continu
     n = len(run.t)
     at = n if dataset.kind == "ContinuousTrajectory" else max(n - 1, 0)
     wanted = {
-        "t": (n,), "q": (n, m.nq), "p": (n, m.nd), "v_rho": (n, m.nrho), "v": (n, m.nq), "a": (n, m.nq),
+        "t": (n,), "q": (n, m.nq), "p": (n, m.nd), "v_rho": (n, m.nrho), "v": (n, m.nv), "a": (n, m.nv),
         "inputs": (at, m.n_inputs), "lam": (at, m.nc), "x": (n, m.nx), "u": (at, m.n_inputs + m.nrho),
     }  # fmt: skip
     shapes = {name: (value, wanted[name]) for name, value in values.items() if name in wanted}

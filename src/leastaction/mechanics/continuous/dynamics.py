@@ -87,7 +87,7 @@ class ContinuousDynamics:
         rho_a : array_like, shape (nrho,), optional
             Accelerations of the kinematic variables; zero if not given.
         t : float or array_like, shape (N,), optional
-            Time (s), for the message of an error: no element depends on it.
+            Time (s), of which potentials and forces written as expressions may be functions.
 
         Raises
         ------
@@ -97,12 +97,19 @@ class ContinuousDynamics:
             Where the equations have no solution: the inertia of a variable is lost to rounding, or the equations
             overflow.
         """
-        points = self._points(q, v, u, rho_a)
-        out = self._solved(self.core.accelerations(*points.arrays, self.threads), points, t)
+        points = self._points(q, v, u, rho_a, t)
+        out = self._solved(self.core.accelerations(*points.arrays, self.threads, points.t), points)
         return Accelerations(points.shaped(out.a), points.shaped(out.lam), out.rank_deficient)
 
     def inverse_dynamics(
-        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, lam: ArrayLike | None = None, *, u: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        lam: ArrayLike | None = None,
+        *,
+        u: ArrayLike | None = None,
+        t: ArrayLike = 0.0,
     ) -> Array:
         """Return the generalised force that a motion needs besides that of the elements.
 
@@ -114,6 +121,8 @@ class ContinuousDynamics:
             Multipliers of constraints that carry their part; zero if not given.
         u : array_like, shape (n_inputs,), optional
             Inputs of the force elements; zero if not given, so that the result is what inputs have to do.
+        t : float or array_like, shape (N,), optional
+            Time (s).
 
         Returns
         -------
@@ -122,12 +131,12 @@ class ContinuousDynamics:
             `accelerations` gives for the same u, of kinematic ones what drives them.
         """
         m = self.mechanism
-        points = self._points(q, v, u, None, a=a)
+        points = self._points(q, v, u, None, t, a=a)
         multipliers = points.rows(lam, "lam", m.constraints)
         accelerations = points.rows(a, "a", m.variables)
         values, speeds, inputs, _ = points.arrays
         return points.shaped(
-            self.core.inverse_dynamics(values, speeds, accelerations, inputs, multipliers, self.threads)
+            self.core.inverse_dynamics(values, speeds, accelerations, inputs, multipliers, self.threads, points.t)
         )
 
     def linearize(
@@ -138,8 +147,8 @@ class ContinuousDynamics:
         Where constraints are redundant, the derivatives of the multipliers leave out how the choice among them turns.
         """
         m = self.mechanism
-        points = self._points(q, v, u, rho_a)
-        out = self._solved(self.core.linearize(*points.arrays, self.threads), points, t)
+        points = self._points(q, v, u, rho_a, t)
+        out = self._solved(self.core.linearize(*points.arrays, self.threads, t=points.t), points)
         return AccelerationDerivatives(
             points.shaped(out.a), points.shaped(out.lam), points.shaped(out.derivatives), (m.nd, m.nv, m.n_inputs)
         )
@@ -179,10 +188,10 @@ class ContinuousDynamics:
         """
         m = self.mechanism
         self._check_orders()
-        points = self._points(q, v, u, rho_a)
+        points = self._points(q, v, u, rho_a, t)
         weights = (points.rows(z_a, "z_a", m.dynamic), points.rows(z_lam, "z_lam", m.constraints))
-        out = self.core.curvatures(*points.arrays, *weights, self.threads)
-        return points.shaped(self._solved(out, points, t).derivatives)
+        out = self.core.curvatures(*points.arrays, *weights, self.threads, t=points.t)
+        return points.shaped(self._solved(out, points).derivatives)
 
     def tensors(
         self,
@@ -203,14 +212,21 @@ class ContinuousDynamics:
         m = self.mechanism
         n = 2 * m.nv + m.n_inputs + m.nrho
         check_memory((m.nd + m.nc, n, n), max_bytes, "tensors", "contract them by curvature(..., z_a=...)")
-        points = self._points(q, v, u, rho_a)
+        points = self._points(q, v, u, rho_a, t)
         if not points.single:
             raise ArgumentError(f"tensors: got {len(points.arrays[0])} points, expected one: q of shape ({m.nq},)")
-        out = self._solved(self.core.tensors(*points.arrays), points, t).derivatives
+        out = self._solved(self.core.tensors(*points.arrays, points.t), points).derivatives
         return AccelerationTensors(out[: self.mechanism.nd], out[self.mechanism.nd :])
 
     def _points(
-        self, q: ArrayLike, v: ArrayLike, u: ArrayLike | None, rho_a: ArrayLike | None, *, a: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        u: ArrayLike | None,
+        rho_a: ArrayLike | None,
+        t: ArrayLike,
+        *,
+        a: ArrayLike | None = None,
     ) -> _Points:
         m = self.mechanism
         given = (q, v) if a is None else (q, v, a)
@@ -222,16 +238,16 @@ class ContinuousDynamics:
             points.rows(u, "u", m.inputs),
             points.rows(rho_a, "rho_a", m.kinematic),
         )
+        many = len(shape_of(t) or ()) == 1
+        points.t = as_array(t, "t", (points.count,)) if many else np.full(points.count, as_number(t, "t"))
         return points
 
-    def _solved(self, out: _core.Accelerations, points: _Points, t: ArrayLike) -> _core.Accelerations:
+    def _solved(self, out: _core.Accelerations, points: _Points) -> _core.Accelerations:
         """Return what the core returned, or raise the error that it tells of."""
-        k, N = out.solved, points.count
-        many = len(shape_of(t) or ()) == 1
-        times = as_array(t, "t", (N,)) if many else np.full(N, as_number(t, "t"))
-        if k == N:
+        k = out.solved
+        if k == points.count:
             return out
-        m, at = self.mechanism, float(times[k])
+        m, at = self.mechanism, float(points.t[k])
         variable = None if out.variable is None else m.variables[out.variable]
         where = f"at t = {at:.6g} s" + ("" if points.single else f", point {k}")
         if out.status == _core.MotionStatus.not_finite:
@@ -261,6 +277,7 @@ class _Points:
         self.count = count
         self.single = single
         self.arrays: tuple[Array, Array, Array, Array]
+        self.t: Array
 
     def rows(self, value: ArrayLike | None, what: str, names: tuple[str, ...]) -> Array:
         """Return one row for every point: zero if not given, the same for all if given once."""

@@ -38,11 +38,12 @@ class Equations:
         self.motion = motion
         self.projection = projection if self.mechanism.nc else None
         self.kinematics = Kinematics(self.mechanism)
+        self.curved = self.kinematics.curved
 
     @property
     def holds(self) -> bool:
         """Whether the end of a step is moved: onto a prescribed motion, constraints, quaternions of unit length."""
-        return self.motion is not None or self.projection is not None or self.kinematics.curved
+        return self.motion is not None or self.projection is not None or self.curved
 
     def __getstate__(self) -> dict[str, object]:
         # A trajectory goes to another process with the mechanism; what is compiled is made anew there.
@@ -58,7 +59,7 @@ class Equations:
     def state(self, t: float, x: Array) -> Array:
         """Return x with the prescribed motion in its place, and quaternions of unit length."""
         m = self.mechanism
-        if self.kinematics.curved:
+        if self.curved:
             x = np.concatenate([self.kinematics.on_space(x[: m.nq]), x[m.nq :]])
         if self.motion is None:
             return x
@@ -78,10 +79,10 @@ class Equations:
         )
         return np.concatenate([u, acceleration])
 
-    def solve(self, x: Array, u: Array) -> tuple[Array, Array]:
-        """Return the accelerations (nq,) and the multipliers (nc,) at a state and an input."""
+    def solve(self, t: float, x: Array, u: Array) -> tuple[Array, Array]:
+        """Return the accelerations (nq,) and the multipliers (nc,) at a time, a state and an input."""
         m = self.mechanism
-        out = self.dynamics.accelerations(x[: m.nq], x[m.nq :], u[: m.n_inputs], u[m.n_inputs :])
+        out = self.dynamics.accelerations(x[: m.nq], x[m.nq :], u[: m.n_inputs], u[m.n_inputs :], t)
         return np.concatenate([out.a, u[m.n_inputs :]]), out.lam
 
     def rate(self, t: float, x: Array) -> Array:
@@ -98,14 +99,14 @@ class Equations:
             raise DynamicsError(f"the input {bad!r} is not finite", t=t, variable=None)
         # The core itself: all is checked, and the checks of a call by hand would take longer than it.
         out = self.dynamics.core.accelerations(
-            x[None, : m.nq], x[None, m.nq :], u[None, : m.n_inputs], u[None, m.n_inputs :], 1
+            x[None, : m.nq], x[None, m.nq :], u[None, : m.n_inputs], u[None, m.n_inputs :], 1, np.array((t,))
         )
         if out.solved < 1:
             self.dynamics.accelerations(x[: m.nq], x[m.nq :], u[: m.n_inputs], u[m.n_inputs :], t)
             raise DynamicsError("the equations of motion have no solution", t=t, variable=None)
         v = x[m.nq :]
         # Of their own length: so that what an integrator does to it is without effect (see `Kinematics`).
-        q_rate = self.kinematics.rates(quaternions[: m.nq], v) if self.kinematics.curved else v
+        q_rate = self.kinematics.rates(quaternions[: m.nq], v) if self.curved else v
         return np.concatenate([q_rate, out.a[0], u[m.n_inputs :]])
 
     def rate_on_constraints(self, t: float, x: Array) -> Array:
@@ -122,7 +123,7 @@ class Equations:
         x = self.state(t, x)
         u = self.input(t, x)
         q, v = x[:nq], x[nq:]
-        d = self.dynamics.linearize(q, v, u[: m.n_inputs], u[m.n_inputs :])
+        d = self.dynamics.linearize(q, v, u[: m.n_inputs], u[m.n_inputs :], t)
         by_x = np.zeros((m.nx, m.nx))
         by_x[:nq, :nq] = self.kinematics.rates_by_configuration(v)
         by_x[:nq, nq:] = self.kinematics.directions(q)

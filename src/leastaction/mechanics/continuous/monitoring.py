@@ -106,14 +106,14 @@ def balance(equations: Equations, pieces: Sequence[Interpolant], end: float) -> 
     t = np.append(starts, ends[-1])
     x = np.array([equations.state(at, piece(at)) for at, piece in zip(starts, pieces, strict=True)])
     x = np.vstack([x, equations.state(ends[-1], pieces[-1](ends[-1]))])
-    energy = m.energy(x[:, : m.nq], x[:, m.nq :])
+    energy = m.energy(x[:, : m.nq], x[:, m.nq :], t)
     work = np.zeros(len(pieces))
     fastest = 1.0
     for node in _NODES:
         inside = starts + node * (ends - starts)
         states = np.array([equations.state(at, piece(at)) for at, piece in zip(inside, pieces, strict=True)])
         rates = np.array([_rate(equations, *pair) for pair in zip(inside, states, strict=True)])
-        work += 0.5 * (ends - starts) * _power(m, states, rates)
+        work += 0.5 * (ends - starts) * _power(m, inside, states, rates)
         fastest = max(fastest, 1.0 + float(np.abs(rates).max()))
     lost = work - np.diff(energy.total)
     k = int(np.argmax(np.abs(lost)))
@@ -163,22 +163,23 @@ class Passages:
 def _rate(equations: Equations, t: float, x: Array) -> Array:
     """Return dx/dt; zero where there is none."""
     try:
-        a, _ = equations.solve(x, equations.input(t, x))
+        a, _ = equations.solve(t, x, equations.input(t, x))
     except LeastActionError:
         return np.zeros_like(x)
     m = equations.mechanism
     return np.concatenate([equations.kinematics.rates(x[: m.nq], x[m.nq :]), a])
 
 
-def _power(m: Mechanism, x: Array, rate: Array) -> Array:
-    """Return the rate of the energy (W) in states (N, nx) of a given rate (N, nx)."""
-    # The energy changes by the work that is done: its difference along the motion is that of all forces that do some.
-    size = _DIFFERENCE / (1.0 + np.abs(rate).max(axis=1, keepdims=True))
-    ahead, behind = x + size * rate, x - size * rate
-    difference = (
-        m.energy(ahead[:, : m.nq], ahead[:, m.nq :]).total - m.energy(behind[:, : m.nq], behind[:, m.nq :]).total
+def _power(m: Mechanism, t: Array, x: Array, rate: Array) -> Array:
+    """Return the rate of the energy (W) at times (N,) in states (N, nx) of a given rate (N, nx)."""
+    # The energy changes by the work that is done, and by itself where a potential does with the time: its difference
+    # along the motion is that of all forces that do some.
+    size = _DIFFERENCE / (1.0 + np.abs(rate).max(axis=1))
+    ahead, behind = (
+        m.energy(at[:, : m.nq], at[:, m.nq :], when).total
+        for at, when in ((x + way[:, None] * rate, t + way) for way in (size, -size))
     )
-    return np.asarray(difference / (2.0 * size[:, 0]))
+    return np.asarray((ahead - behind) / (2.0 * size))
 
 
 def crossings(m: Mechanism, q: Array) -> Array:

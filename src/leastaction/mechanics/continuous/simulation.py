@@ -306,7 +306,7 @@ def _result(
     for k, state in enumerate(x):
         # Where the simulation failed there may be none.
         with contextlib.suppress(LeastActionError):
-            a[k], lam[k] = equations.solve(state, u[k])
+            a[k], lam[k] = equations.solve(t[k], state, u[k])
     return ContinuousTrajectory(
         m,
         at,

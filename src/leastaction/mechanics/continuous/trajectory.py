@@ -176,11 +176,11 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
         The force (N), then the torque (N m) about the origin of that frame, in world axes, with which what is before
         the joint acts on what is behind it. Drives, springs and friction of the joint itself are part of it.
         """
-        return reactions(self.mechanism, self.q, self.v, self.a, self.inputs, self.lam)
+        return reactions(self.mechanism, self.q, self.v, self.a, self.inputs, self.lam, self.t)
 
     def energy(self) -> Energy:
         """Return the energy at every instant, arrays (N+1,) (J)."""
-        return self.mechanism.energy(self.q, self.v)
+        return self.mechanism.energy(self.q, self.v, self.t)
 
     def __str__(self) -> str:
         """Return what happened in a few lines: times, effort, events, and the drift of the constraints."""

@@ -127,10 +127,10 @@ def driving_force(vi: Integrator, trajectory: Trajectory) -> Array:
     m, run, shares = vi.mechanism, trajectory, vi.shares
     dt = np.diff(run.t)
     middle, rates = (run.q[1:] + run.q[:-1]) / 2.0, np.diff(run.q, axis=0) / dt[:, None]
-    steps = list(zip(middle, rates, run.inputs, strict=True))
-    slopes = [m.core.gradient(q, v) for q, v, _ in steps]
+    steps = list(zip(middle, rates, run.inputs, 0.5 * (run.t[1:] + run.t[:-1]), strict=True))
+    slopes = [m.core.gradient(q, v, t) for q, v, _, t in steps]
     L_q, L_v = (np.array([slope[i][m.nd :] for slope in slopes]).reshape(len(dt), m.nrho) for i in (0, 1))
-    f = np.array([m.core.force(q, v, u)[m.nd :] for q, v, u in steps]).reshape(len(dt), m.nrho)
+    f = np.array([m.core.force(q, v, u, t=t)[m.nd :] for q, v, u, t in steps]).reshape(len(dt), m.nrho)
     h = dt[:, None]
     before = h * L_q / 2.0 - L_v + shares[0] * h * f  # D1Ld + fd-
     after = h * L_q / 2.0 + L_v + shares[1] * h * f  # D2Ld + fd+

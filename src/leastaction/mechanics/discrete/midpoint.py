@@ -206,8 +206,9 @@ class MidpointVI(Integrator):
             check_consistent(m, q)
         h = as_time_step(dt)
         u = inputs_of(m, inputs)
-        _, p = self.core.momenta(first, second, u, h, h)
-        return State(as_number(t, "t"), second.copy(), p[: m.nd], (second - first)[m.nq - m.nrho :] / h)
+        end = as_number(t, "t")
+        _, p = self.core.momenta(first, second, u, h, h, end - h)
+        return State(end, second.copy(), p[: m.nd], (second - first)[m.nq - m.nrho :] / h)
 
     # Motion
 

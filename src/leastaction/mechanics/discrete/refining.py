@@ -8,9 +8,9 @@ one of these goes on as it did.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,8 +23,8 @@ from leastaction.numerics.step_quality import StepQuality
 
 _HALVINGS = 12  # partings of a given step, one within the other
 # Places at which a step is parted, of its length. The next is tried where one before meets a configuration from which
-# no way leads on, such as a lift that is upright.
-_PARTS = (0.5, 0.45, 0.41)
+# no way leads on, such as a lift that is upright, and strides across with another energy.
+_PARTS = (0.5, 0.45, 0.41, 0.55, 0.37, 0.6)
 _SHORT = 2.0**-10  # length, of a step, at whose middle the energy is still that of its start
 _ROUNDING = 1e-10  # rounding of an energy, of the sizes of all its terms
 
@@ -56,59 +56,18 @@ class Controls:
         return row
 
 
-@dataclass
-class Refined:
-    """Steps between given instants, with those that were added.
+class RefinedStep(NamedTuple):
+    """A step, or a part of one: its end (s), its controls, the state there, multipliers, how coarse it was.
 
-    ``t``: their ends; ``u``: their controls; ``x``, ``lam``: states at their ends, and multipliers, of all but the last
-    where that could not be made. ``qualities``: how coarse each was. ``redundant``: whether constraints were found to
-    be. ``interrupted``: whether Ctrl-C ended it.
+    ``redundant``: whether constraints were found to be.
     """
 
-    t: list[float] = field(default_factory=list)
-    u: list[Array] = field(default_factory=list)
-    x: list[Array] = field(default_factory=list)
-    lam: list[Array] = field(default_factory=list)
-    qualities: list[StepQuality | None] = field(default_factory=list)
-    redundant: bool = False
-    interrupted: bool = False
-
-    def cut(self, length: int) -> None:
-        """Forget all steps from one on."""
-        for each in (self.t, self.u, self.x, self.lam, self.qualities):
-            del each[length:]
-
-
-def refined(
-    vi: Integrator,
-    start: Array,
-    t: Array,
-    controls: Controls,
-    tolerance: float,
-    progress: Callable[[int, int], None] | None,
-) -> Refined:
-    """Return steps between instants (N+1,), with more where they do not keep the energy.
-
-    They end early with a step of t where even the shortest part of it cannot be made, or at Ctrl-C.
-
-    ``start``: the state x there. ``tolerance``: what the length of a step may do to the energy (J).
-    ``progress``: called with the number of given steps done and of all.
-    """
-    refiner = _Refiner(vi, controls, tolerance)
-    x, made = start, 0
-    try:
-        for k in range(len(t) - 1):
-            end = refiner.make(k, x, float(t[k]), float(t[k + 1]))
-            made = len(refiner.found.t)
-            if end is None:
-                break
-            x = end
-            if progress is not None:
-                progress(k + 1, len(t) - 1)
-    except KeyboardInterrupt:
-        refiner.found.cut(made)
-        refiner.found.interrupted = True
-    return refiner.found
+    t: float
+    u: Array
+    x: Array
+    lam: Array
+    quality: StepQuality | None
+    redundant: bool
 
 
 @dataclass(frozen=True)
@@ -122,49 +81,55 @@ class _Made:
     redundant: bool
 
 
-class _Refiner:
+class Refiner:
+    """Makes steps between given instants, with more where they do not keep the energy.
+
+    ``tolerance``: what the length of a step may do to the energy (J).
+    """
+
     def __init__(self, vi: Integrator, controls: Controls, tolerance: float) -> None:
         self.vi, self.controls, self.tolerance = vi, controls, tolerance
-        self.found = Refined()
+        self.found: list[RefinedStep] = []
+        self.strayed = 0.0  # energy (J) that came or went in strides of these
 
-    def make(self, k: int, x: Array, begin: float, end: float) -> Array | None:
-        """Return the state at the end of step k, or None where it cannot be made; it is then noted as it was given."""
-        before = len(self.found.t)
+    def make(self, k: int, x: Array) -> list[RefinedStep]:
+        """Return the parts of given step k from the state x at its start; none where one of them cannot be made."""
+        begin, end = self.controls.t[k : k + 2].tolist()
+        best, least = list[RefinedStep](), np.inf
         for part in _PARTS:
-            reached = self._go(k, x, begin, end, part, _HALVINGS)
-            if reached is not None:
-                return reached
-            self.found.cut(before)
-        self._note(k, begin, end)
-        return None
+            self.found, self.strayed = [], 0.0
+            if self._go(k, x, begin, end, part, _HALVINGS) is not None and self.strayed <= least:
+                best, least = self.found, self.strayed
+            if least <= self.tolerance:
+                break
+        return best
 
     def _go(self, k: int, x: Array, begin: float, end: float, part: float, halvings: int) -> Array | None:
         """Return the state at the end of a part of step k, or None where it cannot be reached."""
         whole = self._steps(k, x, (begin, end))
         inner = begin + part * (end - begin)
-        if whole is not None and (halvings == 0 or self._keeps_energy(k, x, (begin, inner, end), whole)):
+        if whole is not None and self._keeps_energy(k, x, (begin, inner, end), whole):
             return self._note(k, begin, end, whole)
-        if halvings == 0:
+        if halvings > 0:
+            before, strayed = len(self.found), self.strayed
+            first = self._go(k, x, begin, inner, part, halvings - 1)
+            second = None if first is None else self._go(k, first, inner, end, part, halvings - 1)
+            if second is not None:
+                return second
+            del self.found[before:]
+            self.strayed = strayed
+        if whole is None:
             return None
-        before = len(self.found.t)
-        first = self._go(k, x, begin, inner, part, halvings - 1)
-        second = None if first is None else self._go(k, first, inner, end, part, halvings - 1)
-        if second is not None:
-            return second
-        self.found.cut(before)
         # Where its parts meet a configuration from which no way leads on it strides across.
-        return None if whole is None else self._note(k, begin, end, whole)
+        u, h = self.controls(k, begin, end), end - begin
+        before_it, after_it = self._energy(x, u, begin, h), self._energy(whole.x, u, end, h)
+        self.strayed += np.inf if before_it is None or after_it is None else abs(after_it[0] - before_it[0])
+        return self._note(k, begin, end, whole)
 
-    def _note(self, k: int, begin: float, end: float, made: _Made | None = None) -> Array | None:
-        """Note a step, and what was made of it; return the state at its end."""
-        self.found.t.append(end)
-        self.found.u.append(self.controls(k, begin, end))
-        if made is None:
-            return None
-        self.found.x.append(made.x)
-        self.found.lam.append(made.lam)
-        self.found.qualities.append(made.quality)
-        self.found.redundant = self.found.redundant or made.redundant
+    def _note(self, k: int, begin: float, end: float, made: _Made) -> Array:
+        """Note what was made of a step; return the state at its end."""
+        u = self.controls(k, begin, end)
+        self.found.append(RefinedStep(end, u, made.x, made.lam, made.quality, made.redundant))
         return made.x
 
     def _steps(self, k: int, x: Array, times: tuple[float, ...]) -> _Made | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal, cast, get_args
+from typing import Literal, NamedTuple, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 from leastaction import _core
 from leastaction.errors import ArgumentError, CoarseStepWarning, RoundingWarning, StepError
 from leastaction.mechanics.configuration.assembly import check_lengths
-from leastaction.mechanics.discrete.balance import DiscreteBalance, balance_of, tell
+from leastaction.mechanics.discrete.balance import balance_of, tell
 from leastaction.mechanics.discrete.feedback import MidpointLaw
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.outcome import quality_of, step_error
-from leastaction.mechanics.discrete.refining import Controls, Refined, refined
+from leastaction.mechanics.discrete.refining import Controls, Refiner
 from leastaction.mechanics.discrete.rounding import eaten
 from leastaction.mechanics.discrete.trajectory import (
     SimulationStatus,
@@ -114,46 +114,38 @@ def simulate(
     as_choice(law_at, "law_at", get_args(LawAt))
     forces = None if law is not None else cast(Signal, inputs)
     u = np.hstack([signal_rows(forces, middle, m.inputs, "inputs", np.zeros(m.n_inputs)), rho_next])
-    first, found = u[0, : m.n_inputs].copy(), None
+    first, refiner = u[0, : m.n_inputs].copy(), None
     if energy_tolerance is not None:
         most = as_number(energy_tolerance, "energy_tolerance", above=0.0)
         if law is not None:
             raise ArgumentError("energy_tolerance: got one and a feedback; it goes with inputs that are known before")
         controls = Controls(m, times, forces, rho, u, start.q[m.nq - m.nrho :])
-        found = refined(vi, vector_of(m, start), times, controls, most, progress)
-        times, u = np.array([times[0], *found.t]), np.array(found.u).reshape(len(found.u), u.shape[1])
-        progress = None
+        refiner = Refiner(vi, controls, most)
     run = _Run(vi, times, vector_of(m, start), u)
-    if found is not None:
-        run.take(found)
-    status, message = run.go(law, law_at, progress)
-    if found is not None and found.interrupted and status is SimulationStatus.COMPLETED:
-        status, message = SimulationStatus.INTERRUPTED, f"interrupted at t = {times[-1]:.6g} s"
-    done = run.done
-    passages = vi.watch.look(times[: done + 1], run.x[: done + 1, : m.nq])
+    status, message = run.go(law, law_at, refiner, progress)
+    t, x, u, lam = run.made()
+    passages = vi.watch.look(t, x[:, : m.nq])
     worst = coarsest(run.qualities)
     if worst is not None and worst.is_coarse and status is not SimulationStatus.STEP_FAILED:
         warn(str(worst), CoarseStepWarning)
-    balance = run.balance()
+    balance = balance_of(t, run.energies(t, x, u, lam))
     complaint = tell(balance)
     if complaint and status is SimulationStatus.COMPLETED:
         status, message = SimulationStatus.UNBALANCED, f"{message}, but {complaint}"
     failed = status is SimulationStatus.STEP_FAILED
-    upto = slice(0, max(done, 1) + 1)  # the step that failed, if it was the first
-    rounded = ""
-    if len(times) > 1:
-        rounded = eaten(m, times[upto], run.x[: done + 1, : m.nq], first, balance.scale, failed=failed)
+    tried = t if len(t) > 1 else times[:2]  # the step that failed, if it was the first
+    rounded = eaten(m, tried, x[:, : m.nq], first, balance.scale, failed=failed)
     if rounded and failed:
-        message = f"the step at t = {times[done]:.6g} s failed: {rounded}"
+        message = f"the step at t = {t[-1]:.6g} s failed: {rounded}"
     elif rounded:
         warn(rounded, RoundingWarning)
         status, message = SimulationStatus.ROUNDED, f"{message}, but {rounded}"
     return trajectory_of(
         m,
-        times[: done + 1],
-        run.x[: done + 1],
-        u[:done],
-        run.lam[:done],
+        t,
+        x,
+        u,
+        lam,
         status=status,
         message=message,
         rank_deficient=run.redundant,
@@ -163,20 +155,34 @@ def simulate(
     )
 
 
+class _Piece(NamedTuple):
+    """Steps: their ends t (n,), controls, states at the ends, multipliers, and rows of energies, if there are any."""
+
+    t: Array
+    u: Array
+    x: Array
+    lam: Array
+    energies: Array
+
+
 class _Run:
-    """States and multipliers as they are made, and inputs (N, n_inputs + nrho), where a law gives them too."""
+    """A motion as it is made, piece by piece, between given instants and under given controls (N, n_inputs + nrho)."""
 
     def __init__(self, vi: Integrator, t: Array, start: Array, u: Array) -> None:
-        m = vi.mechanism
         self.vi, self.t, self.u = vi, t, u
-        self.x, self.lam = np.empty((len(t), m.nx)), np.empty((len(u), m.nc))
-        self.x[0] = start
-        self.energies = np.zeros((len(u), 5))
-        self.done, self.noted, self.redundant = 0, 0, False
+        self.x = start  # at the last instant that was reached
+        self.given = 0  # steps of those given that were made
+        self.redundant = False
         self.qualities: list[StepQuality | None] = []
+        nothing = np.empty((0, vi.mechanism.nc))
+        self._pieces = [_Piece(t[:1], u[:0], start[None, :], nothing, np.empty((0, 5)))]
 
     def go(
-        self, law: StateLaw | None, law_at: LawAt, progress: Callable[[int, int], None] | None
+        self,
+        law: StateLaw | None,
+        law_at: LawAt,
+        refiner: Refiner | None,
+        progress: Callable[[int, int], None] | None,
     ) -> tuple[SimulationStatus, str]:
         """Make all steps, or as many as can be; return how that ended."""
         N, m = len(self.u), self.vi.mechanism
@@ -184,55 +190,69 @@ class _Run:
             angles_only(m, "law_at='midpoint'")
         inside = MidpointLaw(self.vi, law) if law is not None and law_at == "midpoint" else None
         try:
-            while self.done < N:
+            while self.given < N:
                 if inside is not None:
-                    stop, out = self.done + 1, self._under(inside)
+                    self._keep(self._under(inside), 1)
                 elif law is not None:
-                    stop, out = self.done + 1, self._after(law)
-                else:
-                    stop = min(N, self.done + _CHUNK)
-                    out = self._rolled_out(stop, energies=True)
-                self._keep(out)
-                if out.interrupted:
-                    raise KeyboardInterrupt
-                if self.done < stop:
-                    last = state_of(m, float(self.t[self.done]), self.x[self.done])
-                    raise step_error(m, out, last, self.u[self.done, m.n_inputs :])
+                    self._keep(self._after(law), 1)
+                elif refiner is None or not self._refine(refiner):
+                    count = 1 if refiner is not None else min(N - self.given, _CHUNK)
+                    self._keep(self._rolled_out(count, energies=True), count)
                 if progress is not None:
-                    progress(self.done, N)
+                    progress(self.given, N)
         except StepError as error:
             return SimulationStatus.STEP_FAILED, str(error)
         except KeyboardInterrupt:
-            return SimulationStatus.INTERRUPTED, f"interrupted after {self.done} of {N} steps"
-        return SimulationStatus.COMPLETED, f"completed {N} steps"
+            return SimulationStatus.INTERRUPTED, f"interrupted after {self.given} of {N} steps"
+        return SimulationStatus.COMPLETED, f"completed {sum(len(piece.u) for piece in self._pieces)} steps"
 
-    def take(self, found: Refined) -> None:
-        """Take the steps that were made with instants added."""
-        self.done = len(found.x)
-        if self.done:
-            self.x[1 : self.done + 1], self.lam[: self.done] = found.x, found.lam
-        self.qualities, self.redundant = list(found.qualities), found.redundant
+    def made(self) -> tuple[Array, Array, Array, Array]:
+        """Return times (n+1,), states (n+1, nx), controls and multipliers (n, ...) of what was made."""
+        t, u, x, lam, _ = (np.concatenate(parts) for parts in zip(*self._pieces, strict=True))
+        return t, x, u, lam
+
+    def energies(self, t: Array, x: Array, u: Array, lam: Array) -> Array:
+        """Return the rows of energies (n, 5) of what was made, which is given."""
+        if any(len(piece.energies) < len(piece.u) for piece in self._pieces):
+            return np.asarray(self.vi.core.energies(t, x, u, lam))
+        rows, k = np.concatenate([piece.energies for piece in self._pieces]), 0
+        for piece in self._pieces[1:-1]:  # the work from the last step of each piece to the first of the next
+            k += len(piece.u)
+            steps, instants = slice(k - 1, k + 1), slice(k - 1, k + 2)
+            rows[k] = self.vi.core.energies(t[instants], x[instants], u[steps], lam[steps])[1]
+        return rows
+
+    def _refine(self, refiner: Refiner) -> bool:
+        """Make the next of the given steps in parts; False where one of them cannot be made."""
+        found = refiner.make(self.given, self.x)
+        if not found:
+            return False
+        t, u, x, lam, qualities, redundant = zip(*found, strict=True)
+        self._add(_Piece(np.array(t), np.array(u), np.array(x), np.array(lam), np.empty((0, 5))), 1)
+        self.qualities += qualities
+        self.redundant = self.redundant or any(redundant)
+        return True
 
     def _under(self, law: MidpointLaw) -> _core.RollOut:
         """Make a step under a law at its midpoint."""
-        k, n = self.done, self.vi.mechanism.n_inputs
-        out, self.u[k, :n] = law.step(self.t[k : k + 2], self.x[k], self.u[k, n:])
+        k, n = self.given, self.vi.mechanism.n_inputs
+        out, self.u[k, :n] = law.step(self.t[k : k + 2], self.x, self.u[k, n:])
         return out
 
     def _after(self, law: StateLaw) -> _core.RollOut:
         """Make a step with what a law gives at its start."""
-        k, m = self.done, self.vi.mechanism
+        k, m = self.given, self.vi.mechanism
         at = float(self.t[k])
-        given = law(at, read_only(self.x[k]))
+        given = law(at, read_only(self.x))
         self.u[k, : m.n_inputs] = as_array(given, f"inputs({at:g}, x)", (m.n_inputs,), names=m.inputs)
-        return self._rolled_out(k + 1)
+        return self._rolled_out(1)
 
-    def _rolled_out(self, stop: int, *, energies: bool = False) -> _core.RollOut:
-        """Make steps up to an instant, with the inputs that there are."""
-        k = self.done
+    def _rolled_out(self, count: int, *, energies: bool = False) -> _core.RollOut:
+        """Make some of the given steps, with the inputs that there are."""
+        k, stop = self.given, self.given + count
         return self.vi.core.roll_out(
             self.t[k : stop + 1],
-            self.x[k].copy(),
+            self.x.copy(),
             None,
             self.u[k:stop],
             None,
@@ -240,26 +260,22 @@ class _Run:
             interruptible=energies,
         )
 
-    def balance(self) -> DiscreteBalance:
-        """Return how energy and work of the steps that were made balance."""
-        if self.noted < self.done:
-            self.energies[: self.done] = self._energies(0, self.done)
-        return balance_of(self.t[: self.done + 1], self.energies[: self.done])
-
-    def _energies(self, first: int, stop: int) -> Array:
-        steps, instants = slice(first, stop), slice(first, stop + 1)
-        found = self.vi.core.energies(self.t[instants], self.x[instants], self.u[steps], self.lam[steps])
-        return np.asarray(found)
-
-    def _keep(self, out: _core.RollOut) -> None:
-        """Keep what was made."""
-        k, made = self.done, out.steps
-        self.qualities.append(quality_of(self.vi.mechanism, out, self.t[k:]))
-        self.x[k + 1 : k + 1 + made], self.lam[k : k + made] = out.x[1 : made + 1], out.lam[:made]
+    def _keep(self, out: _core.RollOut, wanted: int) -> None:
+        """Keep what was made of so many of the given steps; raise where that were fewer."""
+        k, n, m = self.given, out.steps, self.vi.mechanism
+        self.qualities.append(quality_of(m, out, self.t[k:]))
         self.redundant = self.redundant or out.rank_deficient
-        self.done += made
-        if len(out.energies) and made:
-            self.energies[k : self.done] = out.energies[:made]
-            if k > 0:  # the work from the step before to the first of these
-                self.energies[k] = self._energies(k - 1, k + 1)[1]
-            self.noted = self.done
+        if n:
+            t, u = self.t[k + 1 : k + n + 1], self.u[k : k + n]
+            self._add(_Piece(t, u, out.x[1 : n + 1], out.lam[:n], out.energies[:n]), n)
+        if out.interrupted:
+            raise KeyboardInterrupt
+        if n < wanted:
+            last = state_of(m, float(self.t[self.given]), self.x)
+            raise step_error(m, out, last, self.u[self.given, m.n_inputs :])
+
+    def _add(self, piece: _Piece, given: int) -> None:
+        """Add a piece that leads over so many of the given steps."""
+        self._pieces.append(piece)
+        self.x = np.ascontiguousarray(piece.x[-1])
+        self.given += given

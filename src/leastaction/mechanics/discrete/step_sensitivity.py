@@ -104,10 +104,14 @@ def steps_by(
 
 
 def by_time_step(vi: Integrator, t: Array, x: Array, u: Array, *, first_share: float = 1.0) -> StepSensitivity:
-    """Differentiate every step along arrays by its length, its start, its inputs and its prescribed end held."""
-    nothing = np.zeros((1, len(vi.mechanism.core.numbers)))
-    out = vi.core.by_parameters(t, x, u, nothing, [], time_step=0, threads=vi.threads, first_share=first_share)
-    return StepSensitivity(("dt",), out.x, out.lam)
+    """Differentiate every step along arrays by its length, and by the time at its start.
+
+    Its start, its inputs and its prescribed end are held; the time at its start matters where an element changes with
+    the time.
+    """
+    nothing = np.zeros((2, len(vi.mechanism.core.numbers)))
+    out = vi.core.by_parameters(t, x, u, nothing, [], time_step=0, time=1, threads=vi.threads, first_share=first_share)
+    return StepSensitivity(("dt", "t"), out.x, out.lam)
 
 
 @public
@@ -246,6 +250,8 @@ def _momenta_of(vi: Integrator, t: Array, x: Array, u: Array, lam: Array, first_
         dt = t[k + 1] - t[k]
         share = dt * (first_share if k == 0 else 1.0)
         q = np.ascontiguousarray(x[k, : m.nq])
-        p, end[k] = vi.core.momenta(q, np.ascontiguousarray(x[k + 1, : m.nq]), u[k, : m.n_inputs].copy(), dt, share)
+        p, end[k] = vi.core.momenta(
+            q, np.ascontiguousarray(x[k + 1, : m.nq]), u[k, : m.n_inputs].copy(), dt, share, t[k]
+        )
         start[k] = -p - lam[k] @ m.constraint_jacobian(q)
     return start, end

@@ -215,7 +215,7 @@ class Trajectory(BaseTrajectory[State]):
 
     def energy(self) -> Energy:
         """Return the energy at the midpoint of every step, arrays (N,) (J)."""
-        return self.mechanism.energy(middles(self.mechanism, self.q), self.v)
+        return self.mechanism.energy(middles(self.mechanism, self.q), self.v, 0.5 * (self.t[1:] + self.t[:-1]))
 
     def reactions(self) -> dict[str, Array]:
         """Return the wrench in every joint at the instants between two steps, ``t[1:-1]``.
@@ -235,7 +235,7 @@ class Trajectory(BaseTrajectory[State]):
         held = 0.5 * (dt[1:] + dt[:-1])
         v, u = self.v, 0.5 * (self.inputs[1:] + self.inputs[:-1])
         middle, a = 0.5 * (v[1:] + v[:-1]), (v[1:] - v[:-1]) / held
-        return reactions(self.mechanism, self.q[1:-1], middle, a, u, -self.lam[1:] / held)
+        return reactions(self.mechanism, self.q[1:-1], middle, a, u, -self.lam[1:] / held, self.t[1:-1])
 
     def tensions(self) -> dict[str, Array]:
         """Return the tension of every string over each step: `strings.tensions` says what counts as one.

@@ -110,6 +110,10 @@ class Compiler:
         self.parameters[full], self.owners[full] = slot, (self.element, name)
         return slot
 
+    def time(self, wanted: bool) -> list[int]:
+        """Slot of the time, where it is wanted."""
+        return [self.builder.time()] if wanted else []
+
     # What stands in the world
 
     def variable(self, name: str) -> int:

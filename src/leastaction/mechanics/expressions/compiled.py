@@ -23,8 +23,8 @@ class CompiledExpression:
 
     Its arguments, in this order: ``points``, frames whose origins it uses, three each; ``directions``, frames and unit
     vectors in their axes, three each; ``variables``, one each; ``parameters``, named numbers and their values, one
-    each. ``code``: the instructions. ``is_variable``: whether it is a single variable and nothing else, which the core
-    takes without a tape.
+    each; and the time where it is ``timed``. ``code``: the instructions. ``is_variable``: whether it is a single
+    variable and nothing else, which the core takes without a tape.
     """
 
     points: tuple[str, ...]
@@ -33,6 +33,7 @@ class CompiledExpression:
     parameters: tuple[tuple[str, float], ...]
     code: TapeCode
     is_variable: bool
+    timed: bool = False
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -45,21 +46,22 @@ class CompiledForce:
     """A force along a scalar coordinate as the core takes it: the first of its ``coordinates``.
 
     The tape's arguments are all of these, then all their rates, then the ``inputs``, then the ``parameters``, which are
-    named numbers and their values. ``code``: the instructions.
+    named numbers and their values, then the time where it is ``timed``. ``code``: the instructions.
     """
 
     coordinates: tuple[CompiledExpression, ...]
     inputs: tuple[str, ...]
     parameters: tuple[tuple[str, float], ...]
     code: TapeCode
+    timed: bool = False
 
 
-def compile_expression(expression: Any, *, what: str = "the expression") -> CompiledExpression:
+def compile_expression(expression: Any, *, what: str = "the expression", timed: bool = False) -> CompiledExpression:
     """Compile a scalar of the configuration.
 
-    ``expression``: in points, directions, variables and parameters. ``what``: what it belongs to, for messages. Raises
-    `DescriptionError` if it depends on a rate or an input or on nothing at all, gives a parameter two values, or cannot
-    be compiled; see `compile_tape`.
+    ``expression``: in points, directions, variables and parameters. ``what``: what it belongs to, for messages.
+    ``timed``: whether the time may occur. Raises `DescriptionError` if it depends on a rate or an input or on nothing
+    at all, gives a parameter two values, or cannot be compiled; see `compile_tape`.
     """
     scalar = _without_marks(check_expression(expression, what))
     for part in sympy.preorder_traversal(scalar):
@@ -69,6 +71,11 @@ def compile_expression(expression: Any, *, what: str = "the expression") -> Comp
                 "ExpressionForce, and a prescribed motion is a kinematic variable"
             )
     found = _by_role(scalar)
+    if found["time"] and not timed:
+        raise DescriptionError(
+            f"{what}: the time occurs where only the configuration may, whose rates would have to know of it; what "
+            "moves as prescribed is a kinematic variable, and a potential or the strength of a force may take the time"
+        )
     if not (found["point"] or found["direction"] or found["variable"]):
         raise DescriptionError(
             f"{what}: {brief(scalar)} does not depend on the configuration; use point(...), direction(...), "
@@ -81,6 +88,7 @@ def compile_expression(expression: Any, *, what: str = "the expression") -> Comp
         *(MechanismSymbol("direction", *of, axis) for of in directions for axis in range(3)),
         *found["variable"],
         *found["parameter"],
+        *found["time"],
     ]
     return CompiledExpression(
         points=points,
@@ -89,14 +97,15 @@ def compile_expression(expression: Any, *, what: str = "the expression") -> Comp
         parameters=_parameters(found["parameter"], what),
         code=compile_tape(scalar, arguments, what),
         is_variable=bool(found["variable"]) and scalar == found["variable"][0],
+        timed=bool(found["time"]),
     )
 
 
 def compile_force(expression: Any, along: Any, *, what: str = "the force") -> CompiledForce:
     """Compile a force ``f_i = F ds/dq_i`` along a scalar s of the configuration.
 
-    ``expression``: F, in points, directions, variables, their rates, inputs and parameters. ``along``: the scalar s, or
-    the name of a variable. ``what``: what it belongs to, for messages. Raises `DescriptionError` as
+    ``expression``: F, in points, directions, variables, their rates, inputs, parameters and the time. ``along``: the
+    scalar s, or the name of a variable. ``what``: what it belongs to, for messages. Raises `DescriptionError` as
     `compile_expression`; also for rates of what is not a scalar of the configuration.
     """
     first = along
@@ -111,7 +120,7 @@ def compile_force(expression: Any, along: Any, *, what: str = "the force") -> Co
             split.symbol(_without_marks(part.args[0]))
     inner = split.rewrite(scalar)
     found = _by_role(inner)
-    arguments = [*split.values, *split.rates, *found["input"], *found["parameter"]]
+    arguments = [*split.values, *split.rates, *found["input"], *found["parameter"], *found["time"]]
     parameters = _parameters(found["parameter"], what)
     coordinates = tuple(
         compile_expression(part, what=f"{what}: coordinate {brief(part)}") for part in split.coordinates
@@ -122,6 +131,7 @@ def compile_force(expression: Any, along: Any, *, what: str = "the force") -> Co
         inputs=tuple(symbol.of[0] for symbol in found["input"]),
         parameters=parameters,
         code=compile_tape(inner, arguments, what),
+        timed=bool(found["time"]),
     )
 
 
@@ -206,7 +216,7 @@ def _without_marks(part: sympy.Expr) -> sympy.Expr:
 def _by_role(part: sympy.Expr) -> dict[str, list[MechanismSymbol]]:
     """Return the quantities of an expression by role, in an order that is always the same."""
     roles: dict[str, list[MechanismSymbol]] = {
-        role: [] for role in ("point", "direction", "variable", "input", "parameter")
+        role: [] for role in ("point", "direction", "variable", "input", "parameter", "time")
     }
     quantities = (symbol for symbol in part.free_symbols if isinstance(symbol, MechanismSymbol))
     for symbol in sorted(quantities, key=lambda symbol: symbol.name):

@@ -16,9 +16,9 @@ AXES = "xyz"
 class MechanismSymbol(sympy.Symbol):  # type: ignore[misc]
     """A real symbol that stands for something of a mechanism; equal to any other of the same meaning.
 
-    ``role``: ``"point"``, ``"direction"``, ``"variable"``, ``"input"`` or ``"parameter"``. ``of``: what of that kind:
-    ``(frame, axis)`` with the world's axis 0, 1, 2; ``(frame, vector, axis)`` with the vector in the frame's axes;
-    ``(name,)``; ``(name,)``; ``(name, value)``.
+    ``role``: ``"point"``, ``"direction"``, ``"variable"``, ``"input"``, ``"parameter"`` or ``"time"``. ``of``: what of
+    that kind: ``(frame, axis)`` with the world's axis 0, 1, 2; ``(frame, vector, axis)`` with the vector in the frame's
+    axes; ``(name,)``; ``(name,)``; ``(name, value)``; ``()``.
     """
 
     __slots__ = ("of", "role")

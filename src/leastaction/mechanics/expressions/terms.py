@@ -1,6 +1,6 @@
 """Expressions: potentials, constraints and forces of your own, written with SymPy.
 
-An expression is made of points, directions, variables, inputs and numbers of a mechanism::
+An expression is made of points, directions, variables, inputs, numbers and the time of a mechanism::
 
     from leastaction.mechanics.expressions import distance, parameter, point, variable
 
@@ -149,6 +149,18 @@ def parameter(name: str, value: float) -> MechanismSymbol:
     check_name(name, "parameter: the name")
     number = as_number(value, f"parameter {name!r}", error=DescriptionError)
     return _quantity("parameter", name, number)
+
+
+@public
+def time() -> MechanismSymbol:
+    """Return the symbol of the time (s), for potentials and forces that change by themselves.
+
+    A step of time takes it at its middle, where potentials and forces act. The energy of such a mechanism changes by
+    what they do: a potential by ``dV/dt`` a second. A constraint that moves, and a force along what moves, take a
+    kinematic variable instead, whose motion is prescribed.
+    """
+    made: MechanismSymbol = symbols().MechanismSymbol("time")
+    return made
 
 
 @public

@@ -33,6 +33,7 @@ _CALLS: dict[str, Callable[..., Any]] = {
     "distance": terms.distance,
     "variable": terms.variable,
     "speed": terms.speed,
+    "time": terms.time,
     "rate": terms.rate,
     "coordinate": terms.coordinate,
     "input": terms.input_,

@@ -14,6 +14,7 @@ import numpy as np
 
 from leastaction import _core
 from leastaction.mechanics.description.frames import rx, ry, rz, tx, ty, tz
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.path_motion import poses_of
 from leastaction.numerics.arrays import Array
@@ -21,13 +22,17 @@ from leastaction.numerics.arrays import Array
 _CUTS = (tx, ty, tz, rx, ry, rz)
 
 
-def reactions(m: Mechanism, q: Array, v: Array, a: Array, u: Array, lam: Array) -> dict[str, Array]:
+def reactions(
+    m: Mechanism, q: Array, v: Array, a: Array, u: Array, lam: Array, t: Array | None = None
+) -> dict[str, Array]:
     """Return the wrenches (N, 6) in all joints, by the name of the frame that each moves.
 
     ``q``, ``v``, ``a`` (N, nq): configurations, velocities and accelerations. ``u`` (N, n_inputs): inputs. ``lam`` (N,
-    nc): multipliers, of which the force is ``Dh^T lam``. Of each: the force (N), then the torque (N m) about the origin
-    of the frame, in world axes, with which what is before the joint acts on what is behind it.
+    nc): multipliers, of which the force is ``Dh^T lam``. ``t`` (N,): times (s), zero if not given. Of each: the force
+    (N), then the torque (N m) about the origin of the frame, in world axes, with which what is before the joint acts on
+    what is behind it.
     """
+    angles_only(m, "reactions")
     cut = _cut(m)
     column = {name: i for i, name in enumerate(cut.variables)}
     places = [column[name] for name in m.variables]
@@ -36,8 +41,11 @@ def reactions(m: Mechanism, q: Array, v: Array, a: Array, u: Array, lam: Array) 
         to[:, places] = of
     equations = [m.constraints.index(name) for name in cut.constraints]
     dynamics = _core.Continuous(cut.core, 0.0, 0.0)
+    when = None if t is None else np.ascontiguousarray(t)
     forces = np.asarray(
-        dynamics.inverse_dynamics(at, speed, rate, np.ascontiguousarray(u), np.ascontiguousarray(lam[:, equations]), 1)
+        dynamics.inverse_dynamics(
+            at, speed, rate, np.ascontiguousarray(u), np.ascontiguousarray(lam[:, equations]), 1, when
+        )
     )
     joints, found = m.core.joint_poses(np.ascontiguousarray(q)), {}
     for index, placed in enumerate(m.tree.frames):

@@ -217,7 +217,9 @@ class ContinuousQuadraticCost(ContinuousCost):
         return 0.5 * float(off @ weigh(self.Q_final, off[None])[0])
 
     def final_gradient(self, x: Array, t: float) -> Array:
-        if self.space is None or self.Q_final is None:
+        if self.Q_final is None:
+            return np.zeros(x.size)
+        if self.space is None:
             result: Array = self.final_hessian(x, t) @ self._off(x, self._wanted_last(t))
             return result
         off = deviations(self.space, self.Q_final, x[None], self._wanted_last(t)[None])

@@ -33,7 +33,7 @@ def _compiled(element: ExpressionPotential | ExpressionConstraint) -> CompiledEx
     symbols()  # or say that SymPy is needed
     from leastaction.mechanics.expressions.compiled import compile_expression
 
-    return compile_expression(element.expression, what=element.title)
+    return compile_expression(element.expression, what=element.title, timed=isinstance(element, ExpressionPotential))
 
 
 def _uses_of_scalar(element: ExpressionPotential | ExpressionConstraint) -> Uses:
@@ -66,7 +66,8 @@ class ExpressionPotential(Potential):
     Parameters
     ----------
     expression : sympy.Expr
-        V in points, directions, distances, variables and parameters; see `leastaction.mechanics.expressions.terms`.
+        V in points, directions, distances, variables, parameters and the time; see
+        `leastaction.mechanics.expressions.terms`.
 
     Raises
     ------
@@ -149,7 +150,7 @@ class ExpressionForce(Force):
     ----------
     expression : sympy.Expr or float
         F (N along a length, N m along an angle) in points, directions, distances, variables, their rates,
-        inputs and parameters; see `leastaction.mechanics.expressions.terms`.
+        inputs, parameters and the time; see `leastaction.mechanics.expressions.terms`.
     along : str or sympy.Expr
         The name of a variable, or a scalar expression s such as a distance. F is positive where it drives s up.
 
@@ -205,7 +206,7 @@ class ExpressionForce(Force):
             named.update(part.parameters)
         slots = {name: core.parameter(name, value) for name, value in named.items()}
         coordinates = [_coordinate(part, slots, core) for part in force.coordinates]
-        own = [slots[name] for name, _ in force.parameters]
+        own = [*(slots[name] for name, _ in force.parameters), *core.time(force.timed)]
         core.tape_force(coordinates, force.inputs, force.code.tape(), own)
 
 
@@ -222,5 +223,5 @@ def _coordinate(compiled: CompiledExpression, slots: Mapping[str, int], core: Co
         [core.direction(frame, vector) for frame, vector in compiled.directions],
         [core.variable(name) for name in compiled.variables],
         compiled.code.tape(),
-        [slots[name] for name, _ in compiled.parameters],
+        [*(slots[name] for name, _ in compiled.parameters), *core.time(compiled.timed)],
     )

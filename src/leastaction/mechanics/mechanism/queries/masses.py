@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.description.tree import WORLD
 from leastaction.mechanics.mechanism.arguments import Compiled, batch, batch_of_states, rates, shaped, single
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.public import public
 
 
@@ -29,11 +29,12 @@ class Energy:
         return self.kinetic + self.potential
 
 
-def energy(m: Compiled, q: ArrayLike, v: ArrayLike) -> Energy:
-    """Return the kinetic and potential energy (J) at q, v of shape (nq,), or (N, nq) for a batch."""
+def energy(m: Compiled, q: ArrayLike, v: ArrayLike, t: ArrayLike = 0.0) -> Energy:
+    """Return the kinetic and potential energy (J) at q, v of shape (nq,), or (N, nq) for a batch, at a time (s)."""
     values, speeds, one = batch_of_states(m, q, v)
     kinetic = np.array([m.core.kinetic_energy(*state) for state in zip(values, speeds, strict=True)])
-    potential = np.array([m.core.potential_energy(row) for row in values])
+    times = np.broadcast_to(as_array(t, "t", (), (len(values),)), len(values))
+    potential = np.array([m.core.potential_energy(*at) for at in zip(values, times, strict=True)])
     return Energy(float(kinetic[0]), float(potential[0])) if one else Energy(kinetic, potential)
 
 
