@@ -221,7 +221,7 @@ std::ptrdiff_t linearize_many(const Midpoint& integrator, int many, int steps, c
         FirstOrder& first = workspace->first();
         MidpointStep& step = workspace->step;
         const double *from = x(b, k), *to_state = x(b, k + 1);
-        if (!at.differentiate(step, first, from, u(b, k), to_state, dt, at.share(k, dt, 1.0)) ||
+        if (!at.differentiate(step, first, from, u(b, k), to_state, t[k], dt, at.share(k, dt, 1.0)) ||
             at.distance(step, to_state) > same_motion) {
             workspace.discard();
             std::ptrdiff_t seen = first_failure.load();
@@ -261,6 +261,7 @@ std::ptrdiff_t linearize_many(const Midpoint& integrator, int many, int steps, c
                     for (int j = 0; j < at.ni; ++j) step.u[j].set(l, input[j]);
                     for (int j = at.nd; j < at.nq; ++j) step.q2[j].set(l, input[at.ni + j - at.nd]);
                 }
+                step.t = t[k];
                 const Lanes::Mask good = step.know(dt);
                 step.differentiate(dt, Y.data(), P2.data());
                 for (int l = 0; l < count; ++l) {
