@@ -176,7 +176,7 @@ def test_lengths_and_couplings():
 
 def two_free_bodies():
     options = {"mass": 1.0, "inertia": (1.0, 1.0, 1.0)}
-    return [la.free("b", name="b", **options), la.free("c", name="c", **options)]
+    return [la.free("b", axes="xyz", name="b", **options), la.free("c", axes="xyz", name="c", **options)]
 
 
 def residuals(element, q):
@@ -217,7 +217,7 @@ def test_a_hinge_leaves_the_turning_about_its_axis(axis):
     for angle in (0.0, 0.8, -2.5):
         assert np.abs(mechanism.constraint_values([angle])).max() < 1e-15
     # A body that is free where the lid is keeps one degree of freedom of its six.
-    loose = [pose(**place, name="base"), [la.free("f", name="lid", **options)]]
+    loose = [pose(**place, name="base"), [la.free("f", axes="xyz", name="lid", **options)]]
     assert Mechanism(loose, [hinge]).degrees_of_freedom(np.zeros(6)) == 1
     assert Mechanism(loose, [hinge]).constraints == tuple(
         f"hinge(base, lid).{end}" for end in ("x", "y", "z", "tilt1", "tilt2")
@@ -234,10 +234,10 @@ def test_fixed_orientation_holds_the_wanted_rotation():
         rotation = None if wanted is None else wanted * np.linalg.det(wanted)
         options = {"mass": 1.0, "inertia": (1.0, 1.0, 1.0)}
         description = [
-            la.free("b", name="b", **options),
+            la.free("b", axes="xyz", name="b", **options),
             [
                 pose(rotation=np.eye(3) if rotation is None else rotation),
-                [la.free("c", name="c", **options)],
+                [la.free("c", axes="xyz", name="c", **options)],
             ],
         ]
         mechanism = Mechanism(description, [la.FixedOrientation("b", "c", rotation=rotation)])

@@ -613,7 +613,9 @@ kinds = st.one_of(
     st.tuples(
         st.sampled_from([ball, free]),
         st.one_of(variables, st.lists(amounts, min_size=3, max_size=3)),
-        st.fixed_dictionaries({}, optional={"axes": mostly(st.sampled_from(["xyz", "zxz"]), st.just("xxy"))}),
+        st.fixed_dictionaries(
+            {}, optional={"axes": mostly(st.sampled_from(["xyz", "zxz", "quaternion"]), st.just("xxy"))}
+        ),
     ),
     st.tuples(st.just(universal), st.one_of(variables, st.tuples(amounts, amounts)), st.just({})),
 )
@@ -639,7 +641,10 @@ def test_random_joints_compile_or_are_refused(tree):
         mechanism = Mechanism(build(tree))
     except DescriptionError:
         return
-    q, v = np.linspace(-1.0, 1.0, mechanism.nq), np.linspace(1.0, 0.5, mechanism.nq)
+    q, v = np.linspace(-1.0, 1.0, mechanism.nq), np.linspace(1.0, 0.5, mechanism.nv)
+    for rotation in mechanism.tree.rotations:
+        place = mechanism.coordinates.index(rotation.quaternion[0])
+        q[place : place + 4] = 0.5, -0.5, 0.5, 0.5
     inertia = mechanism.mass_matrix(q)
     assert np.isfinite(mechanism.positions(q)).all()
     assert np.isfinite(inertia).all()

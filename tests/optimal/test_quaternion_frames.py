@@ -110,6 +110,20 @@ def _second(f, h=4e-3):
     return (-f(2 * h) + 16 * f(h) - 30 * f(0.0) + 16 * f(-h) - f(-2 * h)) / (12.0 * h * h)
 
 
+def test_balls_that_are_limited_at_once_are_those_one_by_one() -> None:
+    each = [Keep(frame, outside=Ball((0.1, 0.2, size), 0.5)) for frame, size in (("hand", 0.3), ("fore", 0.1))]
+    one, other = (limit.rows(SYSTEM, 0)[0].quantity for limit in each)
+    both = one.joined([other])
+    assert both is not None
+    at, y = Samples(np.arange(4), states(4), np.empty((4, 0)), np.empty((4, 0))), RNG.standard_normal((4, 2))
+    for what in ("values", "jacobian"):
+        np.testing.assert_allclose(
+            getattr(both, what)(at), np.concatenate([getattr(q, what)(at) for q in (one, other)], 1)
+        )
+    bent = one.curvature(at, y[:, :1]) + other.curvature(at, y[:, 1:])
+    np.testing.assert_allclose(both.curvature(at, y), bent, atol=1e-12)
+
+
 def test_what_limits_say_is_what_scipy_says() -> None:
     x = states(6)
     at = Samples(np.arange(6), x, np.empty((6, 0)), np.empty((6, 0)))

@@ -283,7 +283,9 @@ def test_a_scissor_of_one_variable_stays_closed():
 def test_compositions_are_their_simple_joints():
     t = np.linspace(0.0, 1.0, 101)
     named = [
-        free("f", **HEAVY), [tx(0.3), [universal("u", **HEAVY), [tz(0.4), [ball("b", axes="zyx", **HEAVY)]]]]
+        free("f", axes="xyz", **HEAVY), [
+            tx(0.3), [universal("u", **HEAVY), [tz(0.4), [ball("b", axes="zyx", **HEAVY)]]],
+        ],
     ]  # fmt: skip
     simple = [
         tx("f.x"), [ty("f.y"), [tz("f.z"), [rx("f.rx"), [ry("f.ry"), [rz("f.rz", **HEAVY), [

@@ -14,7 +14,7 @@ KINDS = (BodyWrench, HybridWrench, SpatialWrench)
 
 
 def drone(kind, **wrench):
-    body = free("hull", mass=1.2, inertia=(0.02, 0.03, 0.04))
+    body = free("hull", axes="xyz", mass=1.2, inertia=(0.02, 0.03, 0.04))
     return Mechanism([body], [Gravity(), kind("hull", name="rotor", **wrench)])
 
 

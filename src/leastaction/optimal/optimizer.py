@@ -32,7 +32,7 @@ from leastaction.optimal.discrete.system import DiscreteSystem, given_start
 from leastaction.optimal.iterates.curve import Gapped
 from leastaction.optimal.limits.limit import Limit, checked_limits
 from leastaction.optimal.loop import Callback, Loop, Problem
-from leastaction.optimal.options import Options
+from leastaction.optimal.options import USUAL, Options
 from leastaction.optimal.remembered.extension import Remembered, needed_by
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.search.problem import DiscreteProblem
@@ -97,7 +97,7 @@ class Optimizer:
     ) -> None:
         check_system(system, (DiscreteSystem, ContinuousSystem), ("nx", "nu"))
         self.system, self.cost, self.horizon = system, cost, horizon
-        self.options = (options or Options()).changed(**settings)
+        self.options = (options or USUAL).changed(**settings)
         if self.options.method == "newton" and not system.has_curvature:
             raise ArgumentError(
                 f"method: got 'newton', but {type(system).__name__} has no second derivative. Give it a `curvature`, "

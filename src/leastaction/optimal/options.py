@@ -118,7 +118,7 @@ class Options:
         for name in settings:
             if name not in names:
                 raise KeywordError(name, names)
-        return replace(self, **settings)
+        return replace(self, **settings) if settings else self
 
 
 _OF_THE_PROBLEM = ("horizon", "limits", "free_start", "unknowns", "resume", "options", "callback")
@@ -142,3 +142,6 @@ def _as_projection(given: Any) -> Any:
 
 
 _WEIGHTS = ("Q", "R", "Q_final")
+
+USUAL = Options()
+"""Those that nobody has changed."""

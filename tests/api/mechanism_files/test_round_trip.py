@@ -125,9 +125,26 @@ def test_all_that_frames_can_say() -> None:
     assert ball.parent is not None
     ball.parent.tx(0.5, mass=0.1).tx("no", mass=0.2)
     ball.universal(["a", 0.5 * la.var("a") + 0.2], axes="xz", kinematic=["a"], mass=1.0)
-    tree.free("b", mass=1.0, inertia=(1.0, 1.0, 1.0), kinematic=["b.x"])
+    tree.free("b", axes="xyz", mass=1.0, inertia=(1.0, 1.0, 1.0), kinematic=["b.x"])
+    tree.free("c", mass=1.0, inertia=(1.0, 1.0, 1.0))
     tree.tx(-0.0)
     check_back(la.Mechanism(tree, dynamic=None))
+
+
+def test_files_from_before_quaternions_have_angles() -> None:
+    """Then joints turned about x, y and z where nothing else was said."""
+    text = """
+leastaction: mechanism 1
+frames:
+- {type: ball, variables: hip, bodies: [{mass: 1.0, inertia: [1.0, 1.0, 1.0]}]}
+- {type: free, variables: body, bodies: [{mass: 1.0, inertia: [1.0, 1.0, 1.0]}]}
+- {type: ball, variables: [a, b, c], bodies: [{mass: 1.0, inertia: [1.0, 1.0, 1.0]}]}
+"""
+    m = from_text(text)
+    assert m.variables[:3] == ("hip.rx", "hip.ry", "hip.rz")
+    assert m.variables[6:] == ("body.rx", "body.ry", "body.rz", "a", "b", "c")
+    assert check_back(m) == m
+    assert "quaternion" not in text_of(m)
 
 
 def test_a_chain_deeper_than_text_nests() -> None:

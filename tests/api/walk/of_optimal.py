@@ -119,6 +119,14 @@ def calls() -> dict[str, Call]:
             lambda **given: limited(systems.Oriented(**given)),
             {"frame": "B", "rotation": np.eye(3), "within": 3.0, "at": "end"},
         ),
+        "Pointing": (
+            lambda **given: limited(systems.Pointing(**given)),
+            {"frame": "B", "axis": (0.0, 0.0, 1.0), "towards": (0.0, 0.0, 1.0), "within": 3.0, "at": "end"},
+        ),
+        "PathBound": (
+            lambda **given: limited(systems.PathBound(**given)),
+            {"path": ["world", "B"], "min": 0.01, "max": 9.0, "at": "end", "name": "string"},
+        ),
         "HelpedCost": (optimal.HelpedCost, {"cost": price(), "columns": np.array([0]), "price": np.array([2.0])}),
         "WindowCost": (optimal.WindowCost, {"cost": price(), "start": 1, "stop": 3, "N": 5, "nu": 1}),
         "WindowSystem": (optimal.WindowSystem, {"system": steps(), "start": 1, "stop": 3}),

@@ -175,3 +175,18 @@ def test_starts_and_ends_may_be_free() -> None:
     free_turn = optimize(system, cost, **stated, free_start=["body.q*", "v_body.w*"])
     assert np.linalg.norm(free_turn.x[0, 3:7]) == pytest.approx(1.0, abs=1e-14)
     assert free_turn.cost < 1e-6
+
+
+@pytest.mark.parametrize("angle", [0.5, 3.0])
+def test_large_turns_take_few_iterations(angle: float) -> None:
+    """A small body at rest, turned about its middle axis: steps of rotations, not of numbers."""
+    hull = ball("hull", axes="quaternion", mass=1.0, inertia=(0.01, 0.02, 0.03))
+    system = MechanismSystem(Mechanism([hull], [BodyWrench("hull", torque=("a", "b", "c"))]))
+    goal = np.r_[np.cos(0.5 * angle), 0.0, np.sin(0.5 * angle), np.zeros(4)]
+    weight = np.r_[np.full(3, 0.01), np.zeros(3)]
+    price = {"Q": weight, "R": np.full(3, 0.01), "Q_final": np.full(6, 100.0)}
+    cost = ContinuousQuadraticCost(goal, np.zeros(3), **price, space=system)
+    found = optimize(system, cost, initial=(np.eye(7)[0], np.zeros(3)), horizon=(0.0, 2.0))
+    assert found.success
+    assert found.iterations <= 8
+    assert found.cost == pytest.approx(0.001 * angle**2, rel=1e-6)

@@ -59,7 +59,7 @@ def check_continuous(content: ContinuousContent, source: str) -> None:
             "memory.mesh.breaks": (mesh.breaks, (N + 1,)),
             "memory.mesh.x": (mesh.x, (N + 1, nz)),
             "memory.mesh.u": (mesh.u, (N, nv)),
-            "memory.mesh.gain": (mesh.gain, (N, nv, nz)),
+            "memory.mesh.gain": (mesh.gain, (N, nv, mesh.gain.shape[-1])),
         }
     check_shapes(shapes, f"{n} times, {nx} states and {nu} inputs", source)
     for name in ("t", *(f"{name}.breaks" for name in wanted)):

@@ -3,10 +3,10 @@
 A composition stands in a description like a frame: bodies, a name and children belong to the last of its frames. Its
 variables are the parameters of the simple joints, so everything that can be done with a variable can be done with them.
 
-A ball (and the rotation of a free joint) is three rotations, hence Euler angles, or with ``axes="quaternion"`` one that
-is held as a unit quaternion and has no singularity: four numbers ``name.qw name.qx name.qy name.qz`` in the
-configuration, scalar first, and three rates ``name.wx name.wy name.wz``, the angular velocity in the axes of the moved
-frame.
+A ball (and the rotation of a free joint) is one rotation that is held as a unit quaternion and has no singularity: four
+numbers ``name.qw name.qx name.qy name.qz`` in the configuration, scalar first, and three rates ``name.wx name.wy
+name.wz``, the angular velocity in the axes of the moved frame. With ``axes="xyz"``, or other letters, it is three
+rotations, hence Euler angles.
 
 Angles have their singularity: where the middle angle is 90 degrees (any three different axes), or 0 (first and last
 axis the same), the outer and the inner axis are parallel, the angles are not determined by the motion, and the mass
@@ -94,25 +94,27 @@ def universal(
 def ball(
     variables: str | Sequence[CoordinateLike],
     *,
-    axes: str = "xyz",
+    axes: str | None = None,
     kinematic: bool | Sequence[str] = False,
     **options: Unpack[FrameOptions],
 ) -> Composition:
-    """Rotate about three axes, one after the other: a ball joint in Euler angles.
+    """Rotate in any way: a ball joint.
 
-    Singular where the middle angle is 90 or -90 degrees, or 0 or 180 if the first and the last axis are the
-    same; there its angles are not determined. A simulation that comes near warns (`SingularityWarning`).
+    Its configuration is a unit quaternion ``name.qw``, ``name.qx``, ``name.qy``, ``name.qz``, scalar first, from the
+    frame before the joint to that behind it; no rotation is 1, 0, 0, 0. Its rates are the angular velocity
+    ``name.wx``, ``name.wy``, ``name.wz`` in the axes of the frame behind it (rad/s).
 
     Parameters
     ----------
     variables : str or sequence of 3 coordinates
-        The joint's name, for variables ``name.rx``, ``name.ry`` and ``name.rz`` (or as the axes are); or the
-        three coordinates. If an axis comes twice, its second variable ends in ``2``, as in ``name.rz2``.
+        The joint's name; or of angles the three coordinates.
     axes : str, optional
-        The axes: three letters of ``xyz``, no two neighbours the same. Or ``"quaternion"``: no angles, but a unit
-        quaternion ``name.qw`` ... ``name.qz`` (scalar first) from the frame before the joint to that behind it, with
-        the angular velocity ``name.wx``, ``name.wy``, ``name.wz`` in the axes of the frame behind it (rad/s). Then
-        the joint has a name, and is not prescribed.
+        ``"quaternion"`` for that, as where it is left out of a joint with a name. Three letters of ``xyz``, no two
+        neighbours the same, for Euler angles instead, rotations about these axes one after the other, ``"xyz"`` where
+        it is left out of coordinates: variables ``name.rx``, ``name.ry`` and ``name.rz``, or as the axes are. If an
+        axis comes twice, its second variable ends in ``2``, as in ``name.rz2``. Angles are singular where the middle
+        one is 90 or -90 degrees, or 0 or 180 if the first and the last axis are the same; there they are not
+        determined. A simulation that comes near warns (`SingularityWarning`).
     kinematic, **options
         As in `universal`, and so are the errors.
     """
@@ -123,22 +125,20 @@ def ball(
 def free(
     variables: str | Sequence[CoordinateLike],
     *,
-    axes: str = "xyz",
+    axes: str | None = None,
     kinematic: bool | Sequence[str] = False,
     **options: Unpack[FrameOptions],
 ) -> Composition:
     """Translate along x, y and z, then rotate as a `ball`: a body that nothing holds.
 
-    Singular where its ball is.
+    Its configuration is ``name.x``, ``name.y``, ``name.z`` (m), then that of the ball.
 
     Parameters
     ----------
     variables : str or sequence of 6 coordinates
-        The joint's name, for variables ``name.x``, ``name.y``, ``name.z``, ``name.rx``, ``name.ry`` and
-        ``name.rz`` (or as the axes are); or the six coordinates.
+        The joint's name; or, with angles, the six coordinates.
     axes : str, optional
-        The axes of the rotations: three letters of ``xyz``, no two neighbours the same, or ``"quaternion"``, as of
-        `ball`.
+        As of `ball`: a quaternion, or the axes of three angles.
     kinematic, **options
         As in `universal`, and so are the errors.
     """
@@ -149,11 +149,13 @@ def _compose(
     kind: str,
     variables: str | Sequence[CoordinateLike],
     slides: str,
-    axes: str,
+    axes: str | None,
     turns: int,
     kinematic: bool | Sequence[str],
     options: FrameOptions,
 ) -> Composition:
+    if axes is None:
+        axes = QUATERNION if isinstance(variables, str) else "xyz"
     quaternion = str(axes) == QUATERNION and turns == 3
     if quaternion and not (isinstance(variables, str) and kinematic is False):
         raise DescriptionError(

@@ -7,8 +7,8 @@ from abc import abstractmethod
 import numpy as np
 
 from leastaction.numerics.arrays import Array
+from leastaction.optimal.collocation.layout import NodeLayout
 from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
-from leastaction.optimal.collocation.system import NodeLayout
 from leastaction.optimal.continuous.cost import ContinuousCost, ContinuousQuadraticCost, RateHessian
 from leastaction.optimal.discrete.cost import Cost, CostGradient, convex
 from leastaction.optimal.discrete.hessians import CostHessian

@@ -8,8 +8,8 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.collocation.cost import AnyCollocationCost
+from leastaction.optimal.collocation.layout import NodeLayout
 from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
-from leastaction.optimal.collocation.system import NodeLayout
 from leastaction.optimal.continuous.own_projection import checked_gains, weights_as_cost
 from leastaction.optimal.continuous.system import ContinuousSystem
 

@@ -12,6 +12,7 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.optimal.accuracy import Accuracy
+from leastaction.optimal.collocation.charts import CostInCharts
 from leastaction.optimal.collocation.cost import collocation_cost
 from leastaction.optimal.collocation.gains import regulator_along
 from leastaction.optimal.collocation.limits import Stated, stated, told
@@ -22,6 +23,7 @@ from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
+from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.iterates.curve import Gapped
 from leastaction.optimal.iterates.here import Here
 from leastaction.optimal.iterates.work import Work
@@ -153,8 +155,16 @@ class MeshGrid(TimeGrid):
 
     def _problem(self) -> DiscreteProblem:
         whole = self.whole
-        cost, settings = collocation_cost(whole.own.cost, self.mesh, self.system.layout), whole.settings
+        settings = whole.settings
+        cost: Cost = collocation_cost(whole.own.cost, self.mesh, self.system.layout)
+        if self.system.space is not None:
+            cost = CostInCharts(cost, self.system.space)
         given = whole.own.projection
+        if given is not None and self.system.space is not None:
+            raise ArgumentError(
+                f"projection: got one for {type(whole.own.system).__name__}, whose states are no plain vectors, "
+                "expected None on a mesh; collocate=False takes gains by their numbers"
+            )
         if given is not None:
             on_mesh = projection_on(given, whole.own.system, self.mesh, self.system.layout)
             settings = settings.changed(projection=on_mesh)
@@ -209,7 +219,9 @@ class MeshGrid(TimeGrid):
             u = np.clip(u, *(side(mesh.t.ravel()) for side in reach))
         x, u = x.reshape(mesh.N, STAGES, -1), u.reshape(mesh.N, STAGES, -1)
         z = np.zeros((mesh.N + 1, layout.nz))
-        z[0, : layout.nx] = curve.sample(mesh.breaks[:1])[0][0]
+        z[0, : layout.nx] = start = curve.sample(mesh.breaks[:1])[0][0]
+        if self.system.space is not None:
+            z[0, : STAGES * layout.nx] = np.tile(start, STAGES)  # numbers that are states
         z[1:] = layout.joined(x, u)
         return z, u.reshape(mesh.N, -1)
 
@@ -342,7 +354,8 @@ class MeshGrid(TimeGrid):
         """Return the result at the current iterate, in continuous time."""
         own, here = self.whole.own, problem.parts.here
         own.trajectory = motion = self.curve(here)
-        linearization = problem.parts.models.linearize()
+        plain = self.system.space is None
+        linearization = problem.parts.models.linearize() if plain else self.system.by_all_numbers(here.x, here.u)
         own.gain = own.feedback = regulator_along(self.system, own.cost, motion, linearization, here.x, here.u)
         found = own.result(summary)
         # At the end of a piece the input is that of its last point: the next piece's polynomial may stand beside it.

@@ -10,6 +10,8 @@ import numpy as np
 
 from leastaction.errors import LeastActionError, StepError
 from leastaction.numerics.arrays import Array, read_only
+from leastaction.optimal.collocation.charts import in_charts, space_on_mesh
+from leastaction.optimal.collocation.layout import ORDER, PLACE, NodeLayout
 from leastaction.optimal.collocation.mesh import MATRIX, STAGES, RadauMesh
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
@@ -20,46 +22,8 @@ _MOST_ITERATIONS, _RESIDUAL = 40, 1e-12
 # A Newton matrix is used again while its steps shrink by at least the first; what they leave is below the second, of
 # the state's size, or rounding, where they do not shrink any more below the third. The first is held against the last.
 _SHRINKS, _CLOSE, _ROUNDING, _NEAR = 0.2, 1e-14, 1e-11, 1e-2
-# The state at the end of a piece comes first, then those of its other points.
-_ORDER = np.array([STAGES - 1, *range(STAGES - 1)])
-_PLACE = np.argsort(_ORDER)
-
 Factors = tuple[Array, Instants]
 """Triangular factors of a matrix, and how their rows were exchanged."""
-
-
-class NodeLayout:
-    """Where states and inputs of the points are in the state of the discrete system, ``z = [x(end); x(others); u]``.
-
-    The end of a piece comes first, so the state of the continuous system is the first nx entries.
-    """
-
-    def __init__(self, nx: int, nu: int) -> None:
-        self.nx, self.nu = nx, nu
-        self.nz = STAGES * (nx + nu)
-        # Which entries of [A B] may differ from zero: inputs are copied, and the rest depends on the end before.
-        self.pattern = np.zeros((self.nz, self.nz + STAGES * nu), dtype=np.bool_)
-        self.pattern[: STAGES * nx, :nx] = self.pattern[: STAGES * nx, self.nz :] = True
-        self.pattern[STAGES * nx :, self.nz :] = np.eye(STAGES * nu, dtype=np.bool_)
-        self.pattern.setflags(write=False)
-        # The entries of [z; u] that it has columns of, and those of a matrix by them that are packed.
-        self.used = np.concatenate([np.arange(nx), self.nz + np.arange(STAGES * nu)])
-        self.lower = np.tril_indices(len(self.used))
-
-    def places(self, stage: int) -> Instants:
-        """Return where state and input of a point are in z, (nx + nu,)."""
-        x = int(_PLACE[stage]) * self.nx + np.arange(self.nx)
-        return np.concatenate([x, STAGES * self.nx + stage * self.nu + np.arange(self.nu)])
-
-    def points(self, z: Array) -> tuple[Array, Array]:
-        """Return states (n, STAGES, nx) and inputs (n, STAGES, nu) of the points, given z (n, nz)."""
-        x = z[:, : STAGES * self.nx].reshape(len(z), STAGES, self.nx)[:, _PLACE]
-        return x, z[:, STAGES * self.nx :].reshape(len(z), STAGES, self.nu)
-
-    def joined(self, x: Array, u: Array) -> Array:
-        """Return z (n, nz) of states and inputs of the points."""
-        n = len(x)
-        return np.hstack([x[:, _ORDER].reshape(n, -1), u.reshape(n, -1)])
 
 
 class CollocationSystem(DiscreteSystem):
@@ -74,6 +38,7 @@ class CollocationSystem(DiscreteSystem):
         self.layout = NodeLayout(system.nx, system.nu)
         self.nx, self.nu, self.N = self.layout.nz, STAGES * system.nu, mesh.N
         self.has_curvature = system.has_curvature
+        self.space = space_on_mesh(system)
 
     def when(self, k: int) -> str:
         return f"t = {self.mesh.breaks[k]:.4g} s"
@@ -85,12 +50,16 @@ class CollocationSystem(DiscreteSystem):
         return float(self.mesh.breaks[k])
 
     def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
-        own = self.system.start_directions(x[: self.system.nx], free)
-        return np.vstack([own, np.zeros((self.nx - len(own), own.shape[1]))])
+        start, space = x[: self.system.nx], self.system.space
+        own = self.system.start_directions(start, free)
+        if space is not None:
+            own = space.changes(start) @ own
+        return np.vstack([own, np.zeros((self.ndx - len(own), own.shape[1]))])
 
     def moved_start(self, x: Array, dx: Array) -> Array:
         moved, nx = x.copy(), self.system.nx
-        moved[:nx] = self.system.moved_start(x[:nx], dx[:nx])
+        by = dx[:nx] if self.space is None else self.space.plus(x, dx)[:nx] - x[:nx]
+        moved[:nx] = self.system.moved_start(x[:nx], by)
         return moved
 
     # ---- Steps ----------------------------------------------------------------------------------
@@ -118,13 +87,13 @@ class CollocationSystem(DiscreteSystem):
             inputs = u[i].reshape(STAGES, -1)
             try:
                 with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                    states = self._solve(x[i, :nx], inputs, k, along[i] + off[:nx], matrices[i])
+                    states = self._solve(x[i, :nx], inputs, k, self._moved(along[i], off), matrices[i])
             except StepError:
                 failure = self._make_step(read_only(x[i]), read_only(u[i]), k, x[i + 1])
                 if failure is not None:
                     return Rollout(x[: i + 1], u[:i], i, failure)
                 continue
-            x[i + 1, :size], x[i + 1, size:] = states[_ORDER].ravel(), u[i]
+            x[i + 1, :size], x[i + 1, size:] = states[ORDER].ravel(), u[i]
         return Rollout(x, u, stop - start)
 
     def step_each(self, x: Array, u: Array) -> Rollout:
@@ -144,6 +113,11 @@ class CollocationSystem(DiscreteSystem):
                 continue
             ends[k] = self.layout.joined(found[None], inputs[None])[0]
         return Rollout(ends, u, self.N)
+
+    def _moved(self, states: Array, off: Array) -> Array:
+        """Return states of points (STAGES, nx) moved as the end of the piece before is."""
+        space = self.system.space
+        return states + off[: self.system.nx] if space is None else space.plus(states, off[: space.ndx])
 
     def _rolled_out(self, x: Array, u: Array, curve: tuple[Array, Array, Array], pieces: slice, begin: int) -> int:
         """Let the system simulate pieces by itself from one of them on; return the first that it did not."""
@@ -240,6 +214,13 @@ class CollocationSystem(DiscreteSystem):
 
     def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:  # noqa: ARG002
         """Return the derivatives of every piece, by the implicit function theorem."""
+        found = self.by_all_numbers(x, u)
+        if self.space is None or self.system.space is None:
+            return found
+        return in_charts(found, self.space, NodeLayout(self.system.space.ndx, self.system.nu), x, u)
+
+    def by_all_numbers(self, x: Array, u: Array) -> Linearization:
+        """Return the same by the numbers of states, which are derivatives by states where these are plain vectors."""
         return self._linearized(*self.points(x, u))
 
     def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:  # noqa: ARG002 - the ends say it all
@@ -260,7 +241,7 @@ class CollocationSystem(DiscreteSystem):
         moved = np.concatenate([start, pushed], axis=2)
         J = _solved_each(matrices, moved).reshape(N, STAGES, nx, nx + STAGES * nu)
         A_all, B_all = np.zeros((N, self.nx, self.nx)), np.zeros((N, self.nx, self.nu))
-        ordered = J[:, _ORDER].reshape(N, size, -1)
+        ordered = J[:, ORDER].reshape(N, size, -1)
         A_all[:, :size, :nx], B_all[:, :size] = ordered[:, :, :nx], ordered[:, :, nx:]
         B_all[:, size:] = np.eye(STAGES * nu)
         bent = partial(self._bent, matrices, J, flat, along)
@@ -284,7 +265,7 @@ class CollocationSystem(DiscreteSystem):
         It is the dynamics' curvature at the points, weighed by the pieces' own adjoint.
         """
         N, nx, nu = self.N, self.system.nx, self.system.nu
-        weights = z[:, : STAGES * nx].reshape(N, STAGES, nx)[:, _PLACE].reshape(N, -1)
+        weights = z[:, : STAGES * nx].reshape(N, STAGES, nx)[:, PLACE].reshape(N, -1)
         costate = _solved_each(matrices.transpose(0, 2, 1), weights[:, :, None]).reshape(N, STAGES, nx)
         pull = self.mesh.h[:, None, None] * np.einsum("ij,nia->nja", MATRIX, costate)
         pull = pull.reshape(-1, nx)

@@ -210,6 +210,20 @@ class ContinuousQuadraticCost(ContinuousCost):
         bent = bent_by_numbers(self.space, x, found.gradient, found.squares + found.bend)
         return RateHessian(bent, matrix_of(R), None)
 
+    def convex_hessian(self, x: Array, u: Array, t: Array) -> RateHessian:
+        if self.space is None:
+            return self.hessian(x, u, t)
+        Q, R = (_as_stages(weight.samples(t)) for weight in (self.Q, self.R))
+        found = deviations(self.space, Q, x, self.x_wanted.samples(t))
+        bent = bent_by_numbers(self.space, x, np.zeros_like(found.gradient), found.squares)
+        return RateHessian(bent, matrix_of(R), None)
+
+    def convex_final_hessian(self, x: Array, t: float) -> Array:
+        if self.space is None or self.Q_final is None:
+            return self.final_hessian(x, t)
+        found = deviations(self.space, self.Q_final, x[None], self._wanted_last(t)[None])
+        return np.asarray(bent_by_numbers(self.space, x[None], np.zeros_like(found.gradient), found.squares)[0])
+
     def final_value(self, x: Array, t: float) -> float:
         if self.Q_final is None:
             return 0.0

@@ -15,7 +15,7 @@ from leastaction.optimal.discrete.cost import Cost, QuadraticCost
 from leastaction.systems.costs.orientations import OrientationCost
 from leastaction.systems.costs.places import PlaceCost
 from leastaction.systems.costs.smooth import SmoothCost
-from leastaction.systems.following.kinds import Kind, kind_of, quaternion_of, turns_of
+from leastaction.systems.following.kinds import WantedKind, kind_of, quaternion_of, turns_of
 from leastaction.systems.midpoint import MidpointSystem
 
 # Weights of what none is given for: of what is wanted, prescribed variables and their places to come, their
@@ -37,7 +37,7 @@ def following_cost(
     m = system.mechanism
     # Where frames are wanted, so is the pose that reaches them, a little: what they leave open is not left to wander.
     kinds = {name: kind_of(values) for name, values in wanted.items()}
-    reached = any(kind in (Kind.PLACE, Kind.ORIENTATION) for kind in kinds.values())
+    reached = any(kind in (WantedKind.PLACE, WantedKind.ORIENTATION) for kind in kinds.values())
     value = {name: _PLACE if name in m.kinematic else _POSE * reached for name in m.variables}
     value |= dict.fromkeys(_taken_along(m, x, wanted), 0.0)
     value |= dict.fromkeys(m.inputs, _INPUT) | dict.fromkeys(wanted, _WANTED)
@@ -51,15 +51,15 @@ def following_cost(
         value |= dict.fromkeys(chosen, as_number(weight, f"weights: {pattern!r}", least=0.0))
     goal, counts = x.copy(), np.ones((len(x), system.ndx))
     for name, values in wanted.items():
-        if kinds[name] is Kind.TURN:
+        if kinds[name] is WantedKind.TURN:
             goal[:, quaternion_of(m, name)] = values
-        if kinds[name] is Kind.VALUE:
+        if kinds[name] is WantedKind.VALUE:
             place, left_out = m.coordinates.index(name), np.isnan(values)
             goal[:, place] = np.where(left_out, x[:, place], values)
             counts[left_out, m.variables.index(name)] = 0.0
     Q = np.zeros(system.ndx)
-    Q[: m.nv] = [value[name] if kinds.get(name, Kind.VALUE) is Kind.VALUE else 0.0 for name in m.variables]
-    for name in [name for name, kind in kinds.items() if kind is Kind.TURN]:
+    Q[: m.nv] = [value[name] if kinds.get(name, WantedKind.VALUE) is WantedKind.VALUE else 0.0 for name in m.variables]
+    for name in [name for name, kind in kinds.items() if kind is WantedKind.TURN]:
         Q[turns_of(m, name)] = value[name]
     Q[m.nv : m.nv + m.nd] = [value[f"momentum of {name}"] for name in m.dynamic]
     # Of places to come a little is weighed too, as every input has to be.
@@ -68,10 +68,10 @@ def following_cost(
         raise ArgumentError(f"weights: input {m.inputs[int(np.argmin(R))]!r} has none, expected a positive one")
     each = Q if counts.all() else (Q * counts[:-1])[:, :, None]  # a diagonal per stage
     cost: Cost = QuadraticCost(goal, u, Q=each, R=R, Q_final=Q * counts[-1], space=system)
-    places = {name: values for name, values in wanted.items() if kinds[name] is Kind.PLACE}
+    places = {name: values for name, values in wanted.items() if kinds[name] is WantedKind.PLACE}
     if places:
         cost = PlaceCost(cost, system, places, {name: value[name] for name in places})
-    orientations = {name: values for name, values in wanted.items() if kinds[name] is Kind.ORIENTATION}
+    orientations = {name: values for name, values in wanted.items() if kinds[name] is WantedKind.ORIENTATION}
     if orientations:
         cost = OrientationCost(cost, system, orientations, {name: value[name] for name in orientations})
     if m.nrho:
@@ -87,7 +87,7 @@ def _taken_along(m: Mechanism, x: Array, wanted: Mapping[str, Array]) -> list[st
     for at in q[:: max(1, len(q) // _LOOKS)]:
         held |= m.constraint_jacobian(at)[:, : m.nd].any(axis=0)
         for name, values in wanted.items():
-            if kind_of(values) in (Kind.PLACE, Kind.ORIENTATION):
-                rows = slice(3) if kind_of(values) is Kind.PLACE else slice(3, 6)
+            if kind_of(values) in (WantedKind.PLACE, WantedKind.ORIENTATION):
+                rows = slice(3) if kind_of(values) is WantedKind.PLACE else slice(3, 6)
                 leads |= m.frame_jacobian(at, name)[rows, : m.nd].any(axis=0)
     return [m.dynamic[i] for i in np.flatnonzero(moves & held & ~leads)]

@@ -14,7 +14,7 @@ from leastaction.mechanics.mechanism.turns import differences, middles, moved_by
 from leastaction.numerics import rotations
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.quantity import Instants
-from leastaction.systems.following.kinds import Kind, kind_of, quaternion_of, turns_of
+from leastaction.systems.following.kinds import WantedKind, kind_of, quaternion_of, turns_of
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.warm_starts import configurations_onto_constraints, velocities_onto_constraints
 
@@ -45,10 +45,10 @@ def wanted_curve(system: MidpointSystem, wanted: Mapping[str, Array], start: Sta
     places = {}
     for name, values in wanted.items():
         kind = kind_of(values)
-        if kind is Kind.VALUE:
+        if kind is WantedKind.VALUE:
             known[m.variables.index(name)] = True
             q[:, m.coordinates.index(name)] = values
-        elif kind is Kind.TURN:
+        elif kind is WantedKind.TURN:
             known[turns_of(m, name)] = True
             q[:, quaternion_of(m, name)] = values
         else:

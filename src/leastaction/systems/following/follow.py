@@ -33,7 +33,7 @@ from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.space import Rotations
 from leastaction.systems.following.cost import following_cost
 from leastaction.systems.following.curves import held_still, through, wanted_curve, with_inputs
-from leastaction.systems.following.kinds import Kind, kind_of, quaternion_of
+from leastaction.systems.following.kinds import WantedKind, kind_of, quaternion_of
 from leastaction.systems.following.ways import Ways
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.orientations import quaternions_of
@@ -112,15 +112,15 @@ class Followed(Frozen):
         found = {}
         for name, goal in self.wanted.items():
             kind = kind_of(goal)
-            if kind is Kind.VALUE:
+            if kind is WantedKind.VALUE:
                 squares = (q[:, m.coordinates.index(name)] - goal) ** 2
-            elif kind is Kind.PLACE:
+            elif kind is WantedKind.PLACE:
                 squares = (m.positions(q, [name])[:, 0] - goal) ** 2
                 squares = np.where(np.isnan(goal).all(axis=1), np.nan, np.nansum(squares, axis=1))
             else:
-                at = quaternion_of(m, name) if kind is Kind.TURN else slice(0)
-                made = q[:, at] if kind is Kind.TURN else rotations.of_matrix(m.frame_pose(q, name)[:, :3, :3])
-                wanted = goal if kind is Kind.TURN else rotations.of_matrix(goal)
+                at = quaternion_of(m, name) if kind is WantedKind.TURN else slice(0)
+                made = q[:, at] if kind is WantedKind.TURN else rotations.of_matrix(m.frame_pose(q, name)[:, :3, :3])
+                wanted = goal if kind is WantedKind.TURN else rotations.of_matrix(goal)
                 squares = np.sum(rotations.logarithm(rotations.product(rotations.inverse(wanted), made)) ** 2, axis=1)
             found[name] = float(np.sqrt(np.nanmean(squares)))
         return found
@@ -246,9 +246,9 @@ def _wanted(
         n, what = len(times), f"motion: {name!r}"
         shapes = [(n,)] * (name in plain) + [(n, 4)] * (name in turns) + [(n, 3), (n, 3, 3)] * (name in m.frames)
         found[name] = _with_gaps(values, what, shapes)
-        if kind_of(found[name]) is Kind.TURN:
+        if kind_of(found[name]) is WantedKind.TURN:
             Rotations().check(found[name], what)
-        if kind_of(found[name]) is Kind.ORIENTATION:
+        if kind_of(found[name]) is WantedKind.ORIENTATION:
             quaternions_of(found[name], what, times)
     return found, times
 
@@ -259,7 +259,7 @@ def _with_gaps(values: ArrayLike, what: str, shapes: Sequence[tuple[int, ...]]) 
     with suppress(TypeError, ValueError):
         left_out = np.isnan(np.asarray(values, dtype=np.float64))
     given = as_array(np.where(left_out, 0.0, values) if left_out.any() else values, what, *shapes, meaning=_ROWS)
-    if left_out.any() and kind_of(given) in (Kind.TURN, Kind.ORIENTATION):
+    if left_out.any() and kind_of(given) in (WantedKind.TURN, WantedKind.ORIENTATION):
         raise ArgumentError(
             f"{what}: got NaN, expected a rotation at every instant; only values and places may be left out"
         )

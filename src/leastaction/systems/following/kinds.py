@@ -8,7 +8,7 @@ from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 
 
-class Kind(Enum):
+class WantedKind(Enum):
     """What is wanted, as the shape of its values tells."""
 
     VALUE = auto()
@@ -21,13 +21,13 @@ class Kind(Enum):
     """(N+1, 3, 3), of a frame: a rotation."""
 
 
-def kind_of(values: Array) -> Kind:
+def kind_of(values: Array) -> WantedKind:
     """Return what is wanted."""
     if values.ndim == 1:
-        return Kind.VALUE
+        return WantedKind.VALUE
     if values.ndim == 3:
-        return Kind.ORIENTATION
-    return Kind.PLACE if values.shape[1] == 3 else Kind.TURN
+        return WantedKind.ORIENTATION
+    return WantedKind.PLACE if values.shape[1] == 3 else WantedKind.TURN
 
 
 def quaternion_of(m: Mechanism, name: str) -> slice:

@@ -293,6 +293,8 @@ def _made(record: FrameRecord) -> Any:
             if not isinstance(value, list) or len(offsets) != len(value):
                 raise DescriptionError(f"{kind}: offsets: expected one for each of the coordinates in variables")
             value = [as_affine(each, kind, offset) for each, offset in zip(value, offsets, strict=True)]
+        if kind != "universal":
+            options.setdefault("axes", "xyz")  # as files of the first format have it
         return _FUNCTIONS[kind](value, **options)
     if "value" in options:
         _refuse_unit(options["value"], "value")

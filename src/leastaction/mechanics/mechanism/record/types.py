@@ -108,11 +108,11 @@ class UniversalRecord(CompositionRecord, tag="universal"):
 
 
 class BallRecord(CompositionRecord, tag="ball"):
-    """A frame that turns about three axes."""
+    """A frame that turns about three axes, x, y and z without ``axes``; "quaternion" for any rotation."""
 
 
 class FreeRecord(CompositionRecord, tag="free"):
-    """A frame that slides along x, y and z and turns about three axes."""
+    """A frame that slides along x, y and z and turns as a ball does."""
 
 
 if TYPE_CHECKING:

@@ -20,8 +20,8 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.differences import fourth_order
+from leastaction.optimal.collocation.layout import NodeLayout
 from leastaction.optimal.collocation.mesh import STAGES
-from leastaction.optimal.collocation.system import NodeLayout
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import FINAL_TIME, Linearization
