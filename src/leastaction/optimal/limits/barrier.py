@@ -55,7 +55,7 @@ def split(c: Array, mu: float, rho: Array) -> Split:
 
 def stiffness(part: Split, rho: Array, y: Array) -> Array:
     """Return ``-dy/dc`` of the primal-dual model at the duals y."""
-    out = empty(y.shape)
+    out: Array = empty(y.shape)
     _core.barrier_stiffness(part.slack, part.excess, rho, y, out)
     return out
 
@@ -107,7 +107,7 @@ def first_duals(barrier: Array, rho: Array) -> Array:
     Of a limit that is not met the barrier is all but linear. With a small dual its model has its minimum where the
     limit is just met.
     """
-    out = empty(barrier.shape)
+    out: Array = empty(barrier.shape)
     _core.barrier_first_duals(barrier, rho, out)
     return out
 
@@ -117,6 +117,6 @@ def moved_duals(part: Split, mu: float, rho: Array, y: Array, dc: Array, after: 
 
     ``after``: slack and excess where it leads to.
     """
-    out = empty(y.shape)
+    out: Array = empty(y.shape)
     _core.barrier_move_duals(part.slack, part.excess, mu, rho, y, dc, after.slack, out)
     return out
