@@ -20,7 +20,8 @@ from leastaction._version import __version__
 if TYPE_CHECKING:
     from leastaction.control import MPC, KalmanFilter, simulate_many
     from leastaction.errors import LeastActionError
-    from leastaction.io import open, read_motion  # noqa: A004 - as `gzip.open` is
+    from leastaction.io import open as open  # noqa: A004 - as `gzip.open` is
+    from leastaction.io import read_motion
     from leastaction.io.mechanisms import load
     from leastaction.mechanics import (
         Body,
@@ -146,8 +147,8 @@ __all__ = [  # noqa: RUF022 - by topics
     "optimize", "optimize_continuous", "regulate", "regulate_continuous", "warm_start",
     # Control it, and run many at once; more is in `control`
     "KalmanFilter", "MPC", "simulate_many",
-    # Try it on a machine, look at it, keep it
-    "Rig", "load", "open", "play", "read_motion", "show",
+    # Try it on a machine, look at it, keep it; `open` is here as well, but no `import *` hides Python's own
+    "Rig", "load", "play", "read_motion", "show",
     # What can go wrong, and what this is
     "LeastActionError", "__version__",
 ]  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import sympy as sp
 from scipy.linalg import expm
 from scipy.optimize import minimize
 
@@ -24,8 +25,9 @@ from leastaction import (
     tx,
     tz,
 )
-from leastaction.elements import Distance
+from leastaction.elements import Distance, ExpressionForce
 from leastaction.errors import ArgumentError
+from leastaction.expressions import time, variable
 from leastaction.io import load_result, save_result
 from leastaction.limits import FinalTime, Keep, Parameter, Periodic
 from leastaction.models.cart_pendulum import cart_pendulum
@@ -59,7 +61,14 @@ def driven() -> FunctionContinuousSystem:
     )  # fmt: skip
 
 
+def pushed() -> MechanismSystem:
+    """Return a mechanism whose force changes with the time."""
+    force = ExpressionForce(2.0 * sp.cos(3.0 * time()) * variable("x"), "x", name="wave")
+    return MechanismSystem(Mechanism([tx("x", mass=1.5)], [force, JointForce("x", "push")]))
+
+
 CASES = {
+    "mechanism that depends on time": (pushed, ["final time", "x.mass"], [1.9, 1.4], []),
     "depends on time": (driven, ["final time"], [1.9], [1]),
     "mechanism": (lambda: MechanismSystem(cart_pendulum()), ["final time", "bob.mass"], [1.9, 0.4], [0, 3]),
     "parameters": (lambda: MechanismSystem(cart_pendulum()), ["bob.mass", "gravity.vector.z"], [0.4, -9.0], []),
@@ -165,8 +174,8 @@ def test_pieces_are_rolled_out_by_the_mechanism_as_by_the_extended_system(rng):
 def test_the_least_time_of_a_double_integrator(far, most):
     effort = ContinuousQuadraticCost([0.0, 0.0], [0.0], Q=[0.0, 0.0], R=[1e-7])
     limits = [Bound("u[0]", -most, most), Equal(["x[0]", "x[1]"], [far, 0.0])]
-    time = FinalTime(0.1, 30.0, price=1.0)
-    result = optimize(MASS, effort, initial=([0.0, 0.0], [0.1]), horizon=(0.0, 3.0), limits=limits, unknowns=[time])
+    last = FinalTime(0.1, 30.0, price=1.0)
+    result = optimize(MASS, effort, initial=([0.0, 0.0], [0.1]), horizon=(0.0, 3.0), limits=limits, unknowns=[last])
     assert result.success, result.message
     assert result.unknowns["final time"] == pytest.approx(2.0 * np.sqrt(far / most), rel=1e-7)
     assert result.t[-1] == pytest.approx(result.unknowns["final time"], rel=1e-14) == result.dense.tf
@@ -180,9 +189,9 @@ def test_the_least_time_of_a_double_integrator(far, most):
 def test_what_effort_and_time_cost_together_has_its_closed_form(price):
     effort = ContinuousQuadraticCost([0.0, 0.0], [0.0], Q=[0.0, 0.0], R=[1.0])
     limits = [Equal(["x[0]", "x[1]"], [2.0, 0.0])]
-    time = FinalTime(0.6, 30.0, price=price)
+    last = FinalTime(0.6, 30.0, price=price)
     start = {"initial": ([0.0, 0.0], [0.1]), "horizon": (0.5, 3.0)}
-    result = optimize(MASS, effort, **start, limits=limits, unknowns=[time])
+    result = optimize(MASS, effort, **start, limits=limits, unknowns=[last])
     assert result.success, result.message
     # int u^2 / 2 = 6 d^2 / T^3, and price (t0 + T).
     lasts = (18.0 * 4.0 / price) ** 0.25
@@ -201,9 +210,9 @@ def test_limits_are_by_the_true_time():
         Bound("x", -0.5, 0.5, of="acceleration"), Bound("x", -1.0, 1.0, of="rate"),
         Equal("x", 4.0), Equal("x", of="rate"),
     ]  # fmt: skip
-    time = FinalTime(0.1, 30.0, price=1.0)
+    last = FinalTime(0.1, 30.0, price=1.0)
     start = {"initial": ([0.0, 0.0], [0.1]), "horizon": (0.0, 3.0)}
-    result = optimize(MechanismSystem(slide), effort, **start, limits=limits, unknowns=[time])
+    result = optimize(MechanismSystem(slide), effort, **start, limits=limits, unknowns=[last])
     assert result.success, result.message
     # Two seconds of it speeding up and slowing down, at 1 m/s between.
     assert result.unknowns["final time"] == pytest.approx(4.0 + 2.0, rel=1e-4)
@@ -248,9 +257,9 @@ def test_two_poles_are_turned_up_in_least_time():
         Bound("F", -50, 50), Bound("cart", -5, 5), Equal("a", np.pi / 2), Equal("b", 0.0), Equal("*", 0.0, of="rate")
     ]  # fmt: skip
     line = lambda t: [0.0, -np.pi / 2 + np.pi * t / 3.0, 0.0, 0.0, 0.0, 0.0]  # noqa: E731
-    time = FinalTime(0.1, 30.0, price=1.0)
+    last = FinalTime(0.1, 30.0, price=1.0)
     start = {"initial": (line, [0.0]), "horizon": (0.0, 3.0)}
-    result = optimize(MechanismSystem(poles), cost, **start, limits=limits, unknowns=[time])
+    result = optimize(MechanismSystem(poles), cost, **start, limits=limits, unknowns=[last])
     assert result.success, result.message
     # In 299 and 598 steps of the midpoint rule 2.8904 and 2.8900 s.
     assert result.unknowns["final time"] == pytest.approx(2.8898, abs=3e-4)

@@ -102,7 +102,7 @@ class OptimalMotion:
         dx[0, :, :nx] = np.eye(nx)
         laws = []
         for j in range(P + 1):  # that of the state alone, then one for each parameter
-            moved = {} if j == P else {"c": drift[:, :, j], "q": pull[:, j, :nx], "r": pull[:, j, nx:]}
+            moved: dict[str, Any] = {} if j == P else {"c": drift[:, :, j], "q": pull[:, j, :nx], "r": pull[:, j, nx:]}
             law = solve_linear_quadratic(A, B, Q=weigh.Q, R=weigh.R, S=weigh.S, Q_final=weigh.Q_final, H=H, **moved)
             if not law.definite:
                 raise ArgumentError(f"the optimum is no strict minimum, so it has no derivative: {law.message}")
