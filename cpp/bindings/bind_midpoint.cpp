@@ -135,6 +135,23 @@ ManyRollOuts roll_out_many_from(const Midpoint& midpoint, const In<1>& t, const 
     return out;
 }
 
+nb::tuple linearize_many_of(const Midpoint& midpoint, const In<1>& t, const In<3>& x, const In<3>& u, int threads) {
+    const Mechanism& m = midpoint.mechanism();
+    expect_no_balls(m, "derivatives of many motions");
+    const std::size_t B = x.shape(0), N = steps_of(t), n = m.n_tangent(), nu = m.n_controls();
+    expect(x.size(), B * (N + 1) * m.n_states(), "x");
+    expect(u.shape(0), B, "u");
+    expect(u.size(), B * N * nu, "u");
+    Out by_x = new_array({B, N, n, n}), by_u = new_array({B, N, n, nu});
+    std::ptrdiff_t done = 0;
+    {
+        nb::gil_scoped_release release;
+        done = linearize_many(midpoint, static_cast<int>(B), static_cast<int>(N), t.data(), x.data(), u.data(), threads,
+                              by_x.data(), by_u.data());
+    }
+    return nb::make_tuple(by_x, by_u, done);
+}
+
 RollOutResult step_each_of(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u, int threads,
                            double first_share) {
     const Mechanism& m = midpoint.mechanism();
@@ -455,6 +472,9 @@ void bind_midpoint(nb::module_& module) {
         .def(
             "roll_out_many", &roll_out_many_from, "t"_a, "x0"_a, "u"_a, "threads"_a = 0,
             "Steps from each of x0 (B, nx) over the times t under u (B, N, nu), each to the last bit what it is alone.")
+        .def("linearize_many", &linearize_many_of, "t"_a, "x"_a, "u"_a, "threads"_a = 0,
+             "(A, B) of the steps of motions x (B, N+1, nx) under u (B, N, nu), and the first step of all, counted "
+             "through, at which there is none, or B N.")
         .def("step_each", &step_each_of, "t"_a, "x"_a, "u"_a, "threads"_a = 0, "first_share"_a = 1.0,
              "The steps of a curve, each from its own state: x (N, nx) of the result is where they lead to.")
         .def("energies", &energies_of, "t"_a, "x"_a, "u"_a, "lam"_a, "first_share"_a = 1.0,

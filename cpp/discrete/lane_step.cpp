@@ -9,7 +9,8 @@ namespace leastaction {
 
 namespace {
 
-constexpr int max_corrections = 8;  // more of one Newton matrix are no straight way
+constexpr int max_corrections = 8;    // corrections: more of one Newton matrix are no straight way
+constexpr double same_point = 1e-12;  // relative move: below this the Newton matrix is that of the solution
 
 }  // namespace
 
@@ -225,6 +226,78 @@ Lanes::Mask LaneStep::trusted(double dt, const Lanes::Mask& factored) {
         good &= turned <= trust::direction_change * trust::direction_change * size;
     }
     return good;
+}
+
+Lanes::Mask LaneStep::know(double dt) {
+    std::fill(lam.begin(), lam.end(), Lanes(0.0));
+    place_start();
+    place(mechanism_.prescribed_constraint_joints, q2.data(), at2_);
+    evaluate(dt);
+    Lanes::Mask good = factor(dt, Lanes(0.0) <= Lanes(0.0));
+    for (int i = 0; i < nd_ + nc_; ++i) correction_[i] = -residual_[i];
+    newton_.solve(correction_.data(), correction_.data() + nd_);
+    for (int i = 0; i < nd_; ++i) good &= abs(correction_[i]) <= same_point * (1.0 + abs(q2[i]));
+    std::copy(correction_.begin() + nd_, correction_.end(), lam.begin());
+    return good;
+}
+
+// As FirstOrder::differentiate() does.
+void LaneStep::differentiate(double dt, Lanes* Y, Lanes* P2) {
+    const Mechanism& m = mechanism_;
+    const int cols = n_theta(), rows = nd_ + nc_, at_u = nq_ + nd_, at_rho2 = at_u + static_cast<int>(u.size());
+    const double km = kappa_minus(split_, dt), kp = kappa_plus(split_, dt), rate = 1.0 / dt;
+    const ForcePoint<Lanes> middle{lagrangian_.at, q_mid_.data(), v_.data(), u.data()};
+    std::fill_n(Y, rows * cols, Lanes(0.0));
+    std::fill_n(P2, nd_ * cols, Lanes(0.0));
+    G_y_.assign(nd_ * nd_, Lanes(0.0));
+    const auto add = [&](int i, int j, const Lanes& d11, const Lanes& d12, const Lanes& d21, const Lanes& d22) {
+        Y[j * rows + i] -= d11;
+        P2[j * nd_ + i] += d21;
+        if (j < nd_) {
+            G_y_[i * nd_ + j] += d22;
+        } else {
+            Y[(at_rho2 + j - nd_) * rows + i] -= d12;
+            P2[(at_rho2 + j - nd_) * nd_ + i] += d22;
+        }
+    };
+    newton_.each_entry(lagrangian_, [&](int i, int j, double weight, bool mirrored, const Lanes& vv_, const Lanes& v_q,
+                                        const Lanes& q_v, const Lanes& qq_) {
+        const Lanes qq = 0.25 * dt * weight * qq_, vv = rate * weight * vv_;
+        const Lanes sum = 0.5 * weight * (q_v + v_q), odd = 0.5 * weight * (q_v - v_q);
+        if (i < nd_) add(i, j, qq - sum + vv, qq - vv + odd, qq - vv - odd, qq + sum + vv);
+        if (j < nd_ && mirrored) add(j, i, qq - sum + vv, qq - vv - odd, qq - vv + odd, qq + sum + vv);
+    });
+    for (int i = 0; i < nd_; ++i) Y[(nq_ + i) * rows + i] = Lanes(-1.0);
+    const auto add_force = [&](int i, int j, const Lanes& by_q, const Lanes& by_v) {
+        if (i >= nd_) return;
+        const Lanes f_q = 0.5 * by_q, f_v = rate * by_v;
+        add(i, j, km * (f_q - f_v), km * (f_q + f_v), kp * (f_q - f_v), kp * (f_q + f_v));
+    };
+    const auto add_input = [&](int i, int input, const Lanes& f_u) {
+        if (i >= nd_) return;
+        Y[(at_u + input) * rows + i] -= km * f_u;
+        P2[(at_u + input) * nd_ + i] += kp * f_u;
+    };
+    for (const auto& [i, slot] : m.damping) add_force(i, i, Lanes(0.0), Lanes(-m.numbers[slot]));
+    for (const auto& [i, input] : m.joint_forces) add_input(i, input, Lanes(1.0));
+    for_each_entry(m.potentials, middle.at, middle.q, local_, [&](int i, int j, const Lanes& bend) {
+        const Lanes qq = -0.25 * dt * bend;
+        if (i < nd_) add(i, j, qq, qq, qq, qq);
+    });
+    for_each_entry(m.forces, middle, force_, add_force, add_input);
+    if (nc_ > 0) place(m.constraint_joints, q1.data(), at2_);
+    for (int c = 0; c < nc_; ++c) {
+        for_each_entry(*m.constraints[c], at2_, q1.data(), local_, [&](int i, int j, const Lanes& bend) {
+            if (i < nd_) Y[j * rows + i] += lam[c] * bend;
+        });
+        for (int k = nd_; k < nq_; ++k) Y[(at_rho2 + k - nd_) * rows + nd_ + c] = -C2_[c * nq_ + k];
+    }
+    // p2 depends on th through q2 as well, by those that a variable is coupled to.
+    for (int j = 0; j < cols; ++j) {
+        Lanes *y = Y + j * rows, *p2 = P2 + j * nd_;
+        newton_.solve(y, y + nd_);
+        for (const auto& [i, k] : newton_.pattern()) p2[i] += G_y_[i * nd_ + k] * y[k];
+    }
 }
 
 void LaneStep::take(int lane, const MidpointStep& found, double dt) {

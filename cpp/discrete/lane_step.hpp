@@ -25,6 +25,11 @@ public:
     Lanes::Mask guess_limit(double dt);
     // Solves in those lanes; the lanes in which the solution is trusted.
     Lanes::Mask find(double dt, const Lanes::Mask& running);
+    // Given (q1, p1, u, q2) of steps: the multipliers, and the Newton matrix there; the lanes in which these are steps.
+    Lanes::Mask know(double dt);
+    // After that, the derivatives of (q2; lam) and of p2 by th = [q1 | p1 | u | rho2], one column after the other.
+    void differentiate(double dt, Lanes* Y, Lanes* P2);
+    int n_theta() const { return nq_ + nd_ + static_cast<int>(u.size()) + nq_ - nd_; }
     // Takes over the solution that another step found for a lane.
     void take(int lane, const MidpointStep& found, double dt);
     // Makes (q2, p2) the start of the next step.
@@ -50,6 +55,7 @@ private:
     LocalForce<Lanes> force_;
     std::vector<Lanes> q_mid_, v_, f_, C1_, C2_, h_, h_scale_, residual_, correction_;
     std::vector<Lanes> root_inertia_, new_root_inertia_, expected_v_, pivots_, mobility_;
+    std::vector<Lanes> G_y_;
     Lanes largest_;  // of the relative residuals
 };
 

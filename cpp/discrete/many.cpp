@@ -1,6 +1,7 @@
 #include "discrete/many.hpp"
 
 #include <algorithm>
+#include <atomic>
 
 #include "discrete/lane_step.hpp"
 #include "discrete/layout.hpp"
@@ -170,6 +171,118 @@ std::vector<OneOfMany> roll_out_many(const Midpoint& integrator, int many, int s
         }
     });
     return made;
+}
+
+namespace {
+
+constexpr int few_variables = 8;      // dynamic variables: of more, one step after the other is quicker
+constexpr double same_motion = 1e-6;  // m or rad: how far a step of a motion may end from the next state
+
+// Rows of one step by th = [q1 | p1 | u | rho2], in internal order, into A and B of the step.
+class StepRows {
+public:
+    StepRows(const Layout& at, double* by_x, double* by_u) : at_(at), A_(by_x), B_(by_u) {
+        std::fill_n(A_, at.ndx * at.ndx, 0.0);
+        std::fill_n(B_, at.ndx * at.nu, 0.0);
+    }
+    void put(const double* q2, const double* p2, int i) {
+        const int row = at_.m.external[i];
+        at_.scatter(q2, A_ + row * at_.ndx, B_ + row * at_.nu);
+        at_.scatter(p2, A_ + (at_.nq + row) * at_.ndx, B_ + (at_.nq + row) * at_.nu);
+    }
+    void put_prescribed(double dt) {
+        for (int i = at_.nd; i < at_.nq; ++i) {
+            const int v = at_.nq + i, input = at_.ni + i - at_.nd;
+            B_[i * at_.nu + input] = 1.0;
+            A_[v * at_.ndx + i] = -1.0 / dt;
+            B_[v * at_.nu + input] = 1.0 / dt;
+        }
+    }
+
+private:
+    const Layout& at_;
+    double *A_, *B_;
+};
+
+}  // namespace
+
+std::ptrdiff_t linearize_many(const Midpoint& integrator, int many, int steps, const double* t, const double* X,
+                              const double* U, int threads, double* by_x, double* by_u) {
+    const Layout at(integrator.mechanism());
+    const std::ptrdiff_t N = steps, none = many * N;
+    std::atomic<std::ptrdiff_t> first_failure{none};
+    const auto x = [&](std::ptrdiff_t b, std::ptrdiff_t k) { return X + (b * (N + 1) + k) * at.nx; };
+    const auto u = [&](std::ptrdiff_t b, std::ptrdiff_t k) { return U + (b * N + k) * at.nu; };
+    const auto rows = [&](std::ptrdiff_t b, std::ptrdiff_t k) {
+        return StepRows(at, by_x + (b * N + k) * at.ndx * at.ndx, by_u + (b * N + k) * at.ndx * at.nu);
+    };
+    const auto alone = [&](std::ptrdiff_t b, std::ptrdiff_t k, double dt) {
+        auto workspace = integrator.workspace();
+        FirstOrder& first = workspace->first();
+        MidpointStep& step = workspace->step;
+        const double *from = x(b, k), *to_state = x(b, k + 1);
+        if (!at.differentiate(step, first, from, u(b, k), to_state, t[k], dt, at.share(k, dt, 1.0)) ||
+            at.distance(step, to_state) > same_motion) {
+            workspace.discard();
+            std::ptrdiff_t seen = first_failure.load();
+            while (b * N + k < seen && !first_failure.compare_exchange_weak(seen, b * N + k)) {
+            }
+            return;
+        }
+        StepRows to = rows(b, k);
+        for (int i = 0; i < at.nd; ++i) to.put(&first.Y[i * first.ld], &first.P2[i * first.ld], i);
+        to.put_prescribed(dt);
+    };
+    const bool lanes = at.nd <= few_variables && LaneStep::suits(integrator.workspace()->step);
+    const int width = lanes ? lane_count : 1, blocks = (many + width - 1) / width;
+    parallel_ranges(blocks, threads, [&](int begin, int end) {
+        auto workspace = integrator.workspace();
+        std::vector<Lanes> Y, P2;
+        std::vector<double> q_row(at.theta), p_row(at.theta);
+        for (int i = begin; i < end; ++i) {
+            const int first = i * width, count = std::min(width, many - first);
+            for (std::ptrdiff_t k = 0; k < N; ++k) {
+                const double dt = t[k + 1] - t[k];
+                if (!lanes) {
+                    alone(first, k, dt);
+                    continue;
+                }
+                LaneStep& step = workspace->lanes();
+                Y.resize(static_cast<std::size_t>(at.nd + at.nc) * at.theta);
+                P2.resize(static_cast<std::size_t>(at.nd) * at.theta);
+                for (int l = 0; l < lane_count; ++l) {
+                    const std::ptrdiff_t b = first + std::min(l, count - 1);
+                    const double *from = x(b, k), *to = x(b, k + 1), *input = u(b, k);
+                    for (int j = 0; j < at.nq; ++j) step.q1[j].set(l, from[at.m.places[j]]);
+                    for (int j = 0; j < at.nd; ++j) {
+                        step.p1[j].set(l, from[at.nqx + at.m.external[j]]);
+                        step.q2[j].set(l, to[at.m.places[j]]);
+                    }
+                    for (int j = 0; j < at.ni; ++j) step.u[j].set(l, input[j]);
+                    for (int j = at.nd; j < at.nq; ++j) step.q2[j].set(l, input[at.ni + j - at.nd]);
+                }
+                step.t = t[k];
+                const Lanes::Mask good = step.know(dt);
+                step.differentiate(dt, Y.data(), P2.data());
+                for (int l = 0; l < count; ++l) {
+                    if (!good[l]) {
+                        alone(first + l, k, dt);
+                        continue;
+                    }
+                    StepRows to = rows(first + l, k);
+                    for (int j = 0; j < at.nd; ++j) {
+                        for (int c = 0; c < at.theta; ++c) {
+                            q_row[c] = Y[c * (at.nd + at.nc) + j][l];
+                            p_row[c] = P2[c * at.nd + j][l];
+                        }
+                        to.put(q_row.data(), p_row.data(), j);
+                    }
+                    to.put_prescribed(dt);
+                }
+            }
+        }
+    });
+    return first_failure.load();
 }
 
 }  // namespace leastaction

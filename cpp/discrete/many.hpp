@@ -17,4 +17,9 @@ struct OneOfMany {
 std::vector<OneOfMany> roll_out_many(const Midpoint& integrator, int many, int steps, const double* t, const double* U,
                                      int threads, double* X, double* lam);
 
+// A (B, N, ndx, ndx) and B (B, N, ndx, nu) of the steps of such roll-outs X under U. Returns the first of them, times N, and its
+// step, at which there is none, or B N.
+std::ptrdiff_t linearize_many(const Midpoint& integrator, int many, int steps, const double* t, const double* X,
+                              const double* U, int threads, double* by_x, double* by_u);
+
 }  // namespace leastaction

@@ -23,61 +23,42 @@ LaneNewton::LaneNewton(const Mechanism& mechanism)
     const std::size_t stride = mechanism.n_massive;
     std::vector<int> number(stride * stride, -1);
     each_pair(mechanism, stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
-        if (i >= n_ || j >= n_) return;
-        const Entry entry{i * n_ + j, j * n_ + i, weight * 1.0, mirrored};
         if (at >= stride * stride) {
-            const double inertia = entry.weight * mechanism.numbers[mechanism.rotors[at - stride * stride].inertia];
-            rotors_.push_back({entry.ij, mirrored ? entry.ji : -1, inertia});
+            const double inertia = weight * mechanism.numbers[mechanism.rotors[at - stride * stride].inertia];
+            rotors_.push_back({i, j, mirrored, inertia});
             return;
         }
         if (number[at] < 0) {
             number[at] = static_cast<int>(pairs_.size());
             pairs_.push_back({static_cast<int>(at / stride), static_cast<int>(at % stride), {}});
         }
-        pairs_[number[at]].entries.push_back(entry);
+        pairs_[number[at]].entries.push_back({i, j, weight * 1.0, mirrored});
     });
     for (int k = 0; k < n_; ++k) {
-        pattern_.push_back(k * n_ + k);
+        pattern_.emplace_back(k, k);
         for (const int i : mechanism.coupled[k]) {
-            pattern_.push_back(k * n_ + i);
-            pattern_.push_back(i * n_ + k);
+            pattern_.emplace_back(k, i);
+            pattern_.emplace_back(i, k);
         }
     }
 }
 
 void LaneNewton::assemble(const Lagrangian<Lanes>& lagrangian, double dt, Lanes* root_inertia) {
-    for (const int at : pattern_) M_[at] = Lanes(0.0);
+    for (const auto& [i, j] : pattern_) M(i, j) = Lanes(0.0);
     std::fill(inertia_.begin(), inertia_.end(), Lanes(0.0));
     const double quarter = 0.25 * dt, rate = 1.0 / dt;
-    for (const Pair& pair : pairs_) {
-        const Lanes* A = lagrangian.vectors(pair.joint).AB;
-        const VectorsOf<Lanes> j = lagrangian.vectors(pair.above);
-        Lanes vv(0.0), v_q(0.0), q_v(0.0), qq(0.0);
-        for (int c = 0; c < 6; ++c) {
-            vv += A[c] * j.S[c];
-            v_q -= A[c] * j.W[c];
-            q_v += A[6 + c] * j.S[c];
-            qq -= A[6 + c] * j.W[c];
+    each_entry(lagrangian, [&](int i, int j, double weight, bool mirrored, const Lanes& vv, const Lanes& v_q,
+                               const Lanes& q_v, const Lanes& qq) {
+        if (i >= n_ || j >= n_) return;
+        const Lanes even = weight * (quarter * qq - rate * vv), odd = 0.5 * weight * (q_v - v_q);
+        if (mirrored) {
+            M(i, j) += even + odd;
+            M(j, i) += even - odd;
+        } else {
+            M(i, j) += even;
+            if (i == j) inertia_[i] += weight * vv;
         }
-        for (int c = 0; c < 3; ++c) qq -= A[c] * j.G[c];
-        const Lanes even = quarter * qq - rate * vv, odd = 0.5 * (q_v - v_q);
-        for (const Entry& e : pair.entries) {
-            if (e.mirrored) {
-                M_[e.ij] += e.weight * (even + odd);
-                M_[e.ji] += e.weight * (even - odd);
-            } else {
-                M_[e.ij] += e.weight * even;
-                if (e.ij == e.ji) inertia_[e.ij / n_] += e.weight * vv;
-            }
-        }
-    }
-    for (const Fixed& rotor : rotors_) {
-        M_[rotor.ij] -= rotor.inertia / dt;
-        if (rotor.ji >= 0)
-            M_[rotor.ji] -= rotor.inertia / dt;
-        else
-            inertia_[rotor.ij / n_] += rotor.inertia;
-    }
+    });
     for (int i = 0; i < n_; ++i) {
         const Lanes root = sqrt(abs(inertia_[i]));
         root_inertia[i] = select(finite(root), root, root_inertia[i]);

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         Body,
         ContinuousTrajectory,
         Damping,
+        Distance,
         Gravity,
         JointForce,
         JointSpring,
@@ -61,8 +62,11 @@ if TYPE_CHECKING:
     from leastaction.optimal import (
         Bound,
         Equal,
+        FinalTime,
         IterationTable,
         OptimizationResult,
+        Parameter,
+        Periodic,
         QuadraticCost,
         Status,
         Within,
@@ -73,6 +77,8 @@ if TYPE_CHECKING:
     )
     from leastaction.optimal.continuous import ContinuousQuadraticCost, regulate_continuous
     from leastaction.systems import (
+        Ball,
+        Keep,
         MechanismSystem,
         MidpointSystem,
         Rig,
@@ -91,23 +97,25 @@ else:
             "leastaction.io": "open read_motion",
             "leastaction.io.mechanisms": "load",
             "leastaction.mechanics": (
-                "Body ContinuousTrajectory Damping Gravity JointForce JointSpring LinearSpring Mechanism MidpointVI "
-                "PointToPoint Trajectory ball equilibrium free pose prismatic project_configuration "
+                "Body ContinuousTrajectory Damping Distance Gravity JointForce JointSpring LinearSpring Mechanism "
+                "MidpointVI PointToPoint Trajectory ball equilibrium free pose prismatic project_configuration "
                 "project_velocity revolute rx ry rz screw simulate to_momentum to_velocity twist tx ty tz universal "
                 "var world"
             ),
             "leastaction.optimal": (
-                "Bound Equal IterationTable OptimizationResult QuadraticCost Status Within controllability optimize "
-                "optimize_continuous regulate"
+                "Bound Equal FinalTime IterationTable OptimizationResult Parameter Periodic QuadraticCost Status "
+                "Within controllability optimize optimize_continuous regulate"
             ),
             "leastaction.optimal.continuous": "ContinuousQuadraticCost regulate_continuous",
-            "leastaction.systems": "MechanismSystem MidpointSystem Rig check_derivatives follow play warm_start",
+            "leastaction.systems": (
+                "Ball Keep MechanismSystem MidpointSystem Rig check_derivatives follow play warm_start"
+            ),
             "leastaction.viz": "show",
         },
         # Names that have moved: they are found here too, but not offered.
         moved={
             "leastaction.elements": (
-                "Armature BodyWrench CoulombFriction Coupling Curve Distance Drag ElasticString "
+                "Armature BodyWrench CoulombFriction Coupling Curve Drag ElasticString "
                 "ExpressionConstraint ExpressionForce ExpressionPotential FixedOrientation HingeLoop HybridWrench "
                 "InverseSquareGravity LinearDamper LinearMotor Motor NonlinearDamping NonlinearSpring PathLength "
                 "PointOnLine PointOnPlane PolynomialCoupling PrescribedPath PythonConstraint PythonForce "
@@ -116,7 +124,7 @@ else:
             "leastaction.expressions": (
                 "coordinate direction distance input_ parameter point rate speed unit_vector variable"
             ),
-            "leastaction.limits": "Ball Box FinalTime FunctionQuantity HalfSpace Keep Parameter Periodic",
+            "leastaction.limits": "Box FunctionQuantity HalfSpace",
             "leastaction.costs": "PlaceCost SmoothCost",
             "leastaction.starts": (
                 "Followed StageRecord StageTable StartResult StartStatus by_tensions coarse_to_fine continuation "
@@ -137,14 +145,15 @@ __all__ = [  # noqa: RUF022 - by topics
     "Body", "Mechanism", "ball", "free", "pose", "prismatic", "revolute", "rx", "ry", "rz", "screw", "twist", "tx",
     "ty", "tz", "universal", "var", "world",
     # What acts on nearly every mechanism; all elements are in `elements`, symbols in `expressions`
-    "Damping", "Gravity", "JointForce", "JointSpring", "LinearSpring", "PointToPoint",
+    "Damping", "Distance", "Gravity", "JointForce", "JointSpring", "LinearSpring", "PointToPoint",
     # Put it together, and let it move
     "ContinuousTrajectory", "MidpointVI", "Trajectory", "equilibrium", "project_configuration", "project_velocity",
     "simulate", "to_momentum", "to_velocity",
     # Steer it; more is in `costs`, `limits`, `starts` and `control`
-    "Bound", "ContinuousQuadraticCost", "Equal", "IterationTable", "MechanismSystem", "MidpointSystem",
-    "OptimizationResult", "QuadraticCost", "Status", "Within", "check_derivatives", "controllability", "follow",
-    "optimize", "optimize_continuous", "regulate", "regulate_continuous", "warm_start",
+    "Ball", "Bound", "ContinuousQuadraticCost", "Equal", "FinalTime", "IterationTable", "Keep", "MechanismSystem",
+    "MidpointSystem", "OptimizationResult", "Parameter", "Periodic", "QuadraticCost", "Status", "Within",
+    "check_derivatives", "controllability", "follow", "optimize", "optimize_continuous", "regulate",
+    "regulate_continuous", "warm_start",
     # Control it, and run many at once; more is in `control`
     "KalmanFilter", "MPC", "simulate_many",
     # Try it on a machine, look at it, keep it; `open` is here as well, but no `import *` hides Python's own

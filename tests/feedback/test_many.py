@@ -7,8 +7,8 @@ import os
 import numpy as np
 import pytest
 
-from leastaction import MidpointVI, QuadraticCost, optimize
-from leastaction.control import Failed, optimize_many, simulate_many, sweep
+from leastaction import MidpointSystem, MidpointVI, QuadraticCost, optimize
+from leastaction.control import Failed, linearize_many, optimize_many, simulate_many, sweep
 from leastaction.errors import ArgumentError, SweepError
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.models.chain import pendulum_chain
@@ -85,6 +85,29 @@ def test_side_by_side_they_go_where_each_goes_alone(many_starts):
         scale = np.abs(run.x).max(axis=0) + 1e-3
         np.testing.assert_allclose(many.x[i] / scale, run.x / scale, atol=1e-9)
         np.testing.assert_allclose(many.lam[i], run.lam, atol=1e-8 * np.abs(run.lam).max(initial=1e-9))
+
+
+def test_derivatives_of_many_are_those_of_each(many_starts):
+    vi, t, x0, u = many_starts
+    many = simulate_many(vi, x0, t, u)
+    A, B = linearize_many(vi, t, many.x, many.u, threads=2)
+    for i in (0, 10, 20):
+        system = MidpointSystem(vi, t)
+        theirs = system.linearize(np.array(many.x[i]), np.array(many.u[i]))
+        for ours, their in zip((A[i], B[i]), theirs, strict=True):
+            np.testing.assert_allclose(ours, their, atol=1e-9 * np.abs(their).max(initial=1.0))
+        one = linearize_many(vi, t, many.x[i : i + 1], many.u[i : i + 1])
+        np.testing.assert_array_equal(one[0][0], A[i])
+        np.testing.assert_array_equal(one[1][0], B[i])
+
+
+def test_what_is_no_motion_has_no_derivatives():
+    vi, t = MidpointVI(cart_pendulum()), np.linspace(0.0, 0.5, 51)
+    runs = simulate_many(vi, np.random.default_rng(1).standard_normal((5, 4)), t)
+    x = np.array(runs.x)
+    x[3, 20, 1] += 1e-3
+    with pytest.raises(ArgumentError, match="x: step 19 of instance 3 is none of the mechanism"):
+        linearize_many(vi, t, x, runs.u)
 
 
 def test_a_neighbour_that_fails_leaves_no_trace():

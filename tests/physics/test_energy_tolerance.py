@@ -62,7 +62,9 @@ def test_a_lift_of_thirty_segments_passes_upright_with_its_energy() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("segments", "dt", "until", "kinetic"), [(50, 1e-3, 1.9, 1.2e4), (100, 5e-4, 2.6, 4.5e4)])
+@pytest.mark.parametrize(
+    ("segments", "dt", "until", "kinetic"), [(50, 1e-3, 1.9, 1.2e4), (100, 5e-4, 2.6, 4.5e4), (200, 2.5e-4, 3.7, 1.8e5)]
+)
 def test_long_lifts_pass_upright_with_their_energy(segments: int, dt: float, until: float, kinetic: float) -> None:
     passing(segments, dt, until, kinetic)
 

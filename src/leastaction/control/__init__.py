@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from leastaction.control.closed_loop import ClosedLoop, close_loop
     from leastaction.control.gains import SteadyGain, lqe, lqr
     from leastaction.control.kalman import Estimate, KalmanFilter
-    from leastaction.control.many import ManyRuns, simulate_many
+    from leastaction.control.many import ManyRuns, linearize_many, simulate_many
     from leastaction.control.moving_horizon import MovingHorizonEstimator
     from leastaction.control.predictive import MPC, PredictiveInfo
     from leastaction.control.sweeps import Failed, optimize_many, sweep
@@ -22,7 +22,7 @@ else:
             "leastaction.control.closed_loop": "ClosedLoop close_loop",
             "leastaction.control.gains": "SteadyGain lqe lqr",
             "leastaction.control.kalman": "Estimate KalmanFilter",
-            "leastaction.control.many": "ManyRuns simulate_many",
+            "leastaction.control.many": "ManyRuns linearize_many simulate_many",
             "leastaction.control.bands": "LoopBands monte_carlo",
             "leastaction.control.moving_horizon": "MovingHorizonEstimator",
             "leastaction.control.predictive": "MPC PredictiveInfo",
@@ -32,6 +32,6 @@ else:
 
 __all__ = [
     "MPC", "ClosedLoop", "Estimate", "Failed", "KalmanFilter", "LoopBands", "ManyRuns",
-    "MovingHorizonEstimator", "PredictiveInfo", "SteadyGain", "close_loop", "lqe", "lqr", "monte_carlo",
-    "optimize_many", "simulate_many", "sweep",
+    "MovingHorizonEstimator", "PredictiveInfo", "SteadyGain", "close_loop", "linearize_many", "lqe", "lqr",
+    "monte_carlo", "optimize_many", "simulate_many", "sweep",
 ]  # fmt: skip

@@ -161,6 +161,61 @@ def simulate_many(
     return ManyRuns(times, read_only(x), read_only(u), read_only(lam), steps, failures)
 
 
+@public
+def linearize_many(
+    integrator: MidpointVI, t: ArrayLike, x: ArrayLike, u: ArrayLike, *, threads: int = 0
+) -> tuple[Array, Array]:
+    """Return the derivatives of all steps of many motions, side by side as `simulate_many` computes them.
+
+    Parameters
+    ----------
+    integrator : MidpointVI
+        Of a mechanism whose rotations are no quaternions.
+    t : array_like (N+1,)
+        Times (s), of all.
+    x, u : array_like (B, N+1, nx), (B, N, nu)
+        Motions, such as those of a `ManyRuns` none of which failed.
+    threads : int, optional
+        0: as many as there are cores. The result does not depend on it.
+
+    Returns
+    -------
+    A, B : ndarray (B, N, nx, nx), (B, N, nx, nu)
+        Next states by states and by inputs, of each to the last bit what they are alone.
+
+    Raises
+    ------
+    ArgumentError
+        Wrong shapes, numbers that are not finite, or what is no motion of the mechanism.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from leastaction import MidpointVI
+    >>> from leastaction.control import linearize_many, simulate_many
+    >>> from leastaction.models.cart_pendulum import cart_pendulum
+    >>> vi, t = MidpointVI(cart_pendulum()), np.linspace(0.0, 1.0, 101)
+    >>> runs = simulate_many(vi, np.zeros((10, 4)), t)
+    >>> A, B = linearize_many(vi, t, runs.x, runs.u)
+    >>> A.shape, B.shape
+    ((10, 100, 4, 4), (10, 100, 4, 1))
+    """
+    require_instance(integrator, "integrator", MidpointVI, "MidpointVI(mechanism) makes one")
+    m, times = integrator.mechanism, as_times(t)
+    N = len(times) - 1
+    states = np.ascontiguousarray(as_array(x, "x", (None, N + 1, m.nx), meaning="(B, N+1, nx)"))
+    inputs = as_array(u, "u", (len(states), N, m.n_inputs + m.nrho), meaning="(B, N, nu)")
+    if m.nx != m.ndx:
+        raise ArgumentError(
+            "integrator: its rotations are quaternions; expected a mechanism without, or use `linearize`"
+        )
+    A, B, done = integrator.core.linearize_many(times, states, np.ascontiguousarray(inputs), threads)
+    if done < len(states) * N:
+        i, k = divmod(done, N)
+        raise ArgumentError(f"x: step {k} of instance {i} is none of the mechanism; give motions of `simulate_many`")
+    return A, B
+
+
 def _numbers(known: Mapping[str, float], parameters: Mapping[str, ArrayLike] | None) -> dict[str, Array]:
     """Return the values (B,) or (1,) of parameters, checked."""
     found = {}

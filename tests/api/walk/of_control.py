@@ -84,6 +84,10 @@ def calls() -> dict[str, Call]:
                 "threads": 1,
             },
         ),
+        "linearize_many": (
+            control.linearize_many,
+            {"integrator": integrator(), "t": TIMES, "x": many.x, "u": many.u, "threads": 1},
+        ),
         "optimize_many": (
             control.optimize_many,
             {

@@ -10,6 +10,7 @@ pytest.importorskip("jax")
 from derivatives.elements.cases import Case, problem
 from derivatives.elements.checks import every
 from leastaction import MidpointVI
+from leastaction.mechanics.discrete.derivatives import linearize_arrays
 
 DT, STEPS, MANY = 2e-3, 6, 11
 
@@ -32,6 +33,13 @@ def test_roll_outs_side_by_side_are_those_of_each(case: Case, seed: int) -> None
         alone = vi.core.roll_out(t, x0[i], None, u[i], None)
         assert many.steps[i] == alone.steps
         scale = np.abs(alone.x[: alone.steps + 1]).max(initial=1e-3)
+        motion = np.ascontiguousarray(alone.x)
+        if alone.steps == STEPS:
+            A, B, done = vi.core.linearize_many(t, motion[None], u[i : i + 1], 1)
+            d = linearize_arrays(vi, t, motion, u[i])
+            assert done == STEPS
+            for ours, theirs in ((A[0], d.A), (B[0], d.B)):
+                np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-9 * np.abs(theirs).max(initial=1.0))
         np.testing.assert_allclose(
             many.x[i, : alone.steps + 1], alone.x[: alone.steps + 1], rtol=0.0, atol=1e-9 * scale
         )

@@ -67,6 +67,7 @@ def test_derivatives_are_those_of_differences(elements: tuple[Any, ...]) -> None
 LIMITS = {
     "entries": Bound("hull.qx", max=0.9),
     "rate": Bound("hull.wy", max=1.0, of="rate"),
+    "input": Bound("b", -0.02, 0.02),
     "acceleration": Bound("hull.wx", max=2.0, of="acceleration"),
     "turn": Oriented("hull", np.eye(3), within=2.0),
     "axis": Pointing("antenna", (0.0, 0.0, 1.0), (0.0, 0.0, 1.0), within=2.0),
@@ -143,7 +144,7 @@ def test_a_satellite_turns_over_as_in_discrete_time() -> None:
     assert np.abs(system.difference(run.x[-1], found.dense.x(1.5))[:3]).max() < 0.05
 
 
-@pytest.mark.parametrize("kind", ["acceleration", "place"])
+@pytest.mark.parametrize("kind", ["acceleration", "place", "input"])
 def test_limits_hold(kind: str) -> None:
     system = satellite()
     found = optimize(

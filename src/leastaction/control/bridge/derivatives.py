@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from leastaction.control.many import simulate_many
+from leastaction.control.many import linearize_many, simulate_many
 from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.discrete.system import DiscreteSystem
@@ -54,9 +54,15 @@ class BatchedSystem:
 
     def slopes(self, x: Array, u: Array) -> Array:
         """Return ``[A B]`` of every step (..., N, nx, nx+nu) along motions x (..., N+1, nx), u (..., N, nu)."""
+        system = self.system
+        if type(system) is MidpointSystem and not system.multipliers and system.first_share == 1.0:
+            batch = x.shape[:-2]
+            states, inputs = np.reshape(x, (-1, self.N + 1, self.nx)), np.reshape(u, (-1, self.N, self.nu))
+            both = np.concatenate(linearize_many(system.integrator, system.t, states, inputs), axis=3)
+            return both.reshape(*batch, self.N, self.nx, self.nx + self.nu)
 
         def one(states: Array, inputs: Array) -> Array:
-            A, B = self.system.linearize(read_only(states), read_only(inputs))
+            A, B = system.linearize(read_only(states), read_only(inputs))
             return np.concatenate([A, B], axis=2)
 
         return self._each(one, x, u, (self.N, self.nx, self.nx + self.nu))

@@ -9,7 +9,7 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.quantity import Instants, Quantity, QuantityView, Samples, wholes_apart
+from leastaction.optimal.quantity import Entries, Instants, Quantity, QuantityView, Samples, wholes_apart
 from leastaction.optimal.space import StateSpace, bent_by_numbers, by_numbers
 
 
@@ -122,7 +122,9 @@ class NumberedQuantity(QuantityView):
 
 def numbered(quantity: Quantity, space: StateSpace | None) -> Quantity:
     """Return a quantity with derivatives by numbers of states, as those of plain vectors are anyway."""
-    return quantity if space is None or quantity.by_entries else NumberedQuantity(quantity, space)
+    if space is None or quantity.by_entries or isinstance(quantity, Entries):
+        return quantity
+    return NumberedQuantity(quantity, space)
 
 
 def charted(rows: Sequence[Rows], space: StateSpace | None) -> list[Rows]:
