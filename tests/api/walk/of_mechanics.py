@@ -165,6 +165,7 @@ def calls() -> dict[str, Call]:
         "rate": (ex.rate, {"expression": ex.variable("a")}),
         "speed": (ex.speed, {"name": "a"}),
         "unit_vector": (ex.unit_vector, {"frame": "B", "vector": "x"}),
+        "time": (ex.time, {}),
         "variable": (ex.variable, {"name": "a"}),
         "Mechanism": (
             la.Mechanism,
