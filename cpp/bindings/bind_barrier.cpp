@@ -84,15 +84,21 @@ std::tuple<bool, double, double> price(const Places& column, const Places& other
                                        const Values& dear, const Values& scale, double dearest, double met, double kept,
                                        const Values& c, const Result& rho, const Result& y, const Result& prices) {
     const std::size_t entries = column.size(), columns = rho.size();
-    for (const std::size_t size : {other.size(), c.size(), y.size(), prices.size()}) expect(size, entries, "of entries");
+    for (const std::size_t size : {other.size(), c.size(), y.size(), prices.size()})
+        expect(size, entries, "of entries");
     for (const std::size_t size : {equal.size(), hard.size(), dear.size(), scale.size()})
         expect(size, columns, "of columns");
     within(column, columns, "column");
     within(other, entries, "other");
-    const LimitColumns limits{static_cast<std::ptrdiff_t>(entries), static_cast<std::ptrdiff_t>(columns), column.data(),
-                              other.data(), equal.data(), hard.data(), dear.data(), scale.data()};
-    const Priced found =
-        price_limits(limits, {dearest, met, kept}, c.data(), rho.data(), y.data(), prices.data());
+    const LimitColumns limits{static_cast<std::ptrdiff_t>(entries),
+                              static_cast<std::ptrdiff_t>(columns),
+                              column.data(),
+                              other.data(),
+                              equal.data(),
+                              hard.data(),
+                              dear.data(),
+                              scale.data()};
+    const Priced found = price_limits(limits, {dearest, met, kept}, c.data(), rho.data(), y.data(), prices.data());
     return {found.dearer, found.dearest, found.cheapest};
 }
 
@@ -138,10 +144,11 @@ void bind_barrier(nb::module_& m) {
           "The largest product of a dual and its slack, or of what its price has left and its excess.");
     m.def("barrier_first_duals", &first_duals, "barrier"_a, "rho"_a, "out"_a,
           "Writes duals to begin with, given those of the barrier.");
-    m.def("price_limits", &price, "column"_a, "other"_a, "equal"_a, "hard"_a, "dear"_a, "scale"_a, "dearest"_a, "met"_a,
-          "kept"_a, "c"_a, "rho"_a, "y"_a, "prices"_a,
-          "Changes the prices of columns and the duals of entries, and writes the prices of these; returns whether some "
-          "limit needs a higher price, and the highest and the lowest of an excess of its scale.");
+    m.def(
+        "price_limits", &price, "column"_a, "other"_a, "equal"_a, "hard"_a, "dear"_a, "scale"_a, "dearest"_a, "met"_a,
+        "kept"_a, "c"_a, "rho"_a, "y"_a, "prices"_a,
+        "Changes the prices of columns and the duals of entries, and writes the prices of these; returns whether some "
+        "limit needs a higher price, and the highest and the lowest of an excess of its scale.");
     m.def("add_limit_rows", &add_rows, "jacobian"_a, "sigma"_a, "bent"_a.none(), "k"_a, "places"_a, "to"_a,
           "Adds J' sigma J - bent of every one of n stages at some places of matrices of stages k.");
 }

@@ -318,7 +318,8 @@ void bind_mechanism(nb::module_& module) {
             "What gradient() changes by where the body of a joint gets more inertia: mass, "
             "first "
             "moment and rotational inertia xx yy zz xy xz yz about the origin of the joint's frame.")
-        .def("constraint_hessian", &constraint_hessian, "q"_a, "lam"_a, "Second derivatives (nv, nv) of lam.h(q); of balls in their charts rx ry rz.")
+        .def("constraint_hessian", &constraint_hessian, "q"_a, "lam"_a,
+             "Second derivatives (nv, nv) of lam.h(q); of balls in their charts rx ry rz.")
         .def(
             "force",
             [](const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u,

@@ -158,18 +158,19 @@ void SecondOrder::add_instant_forces() {
     for (int i = 0; i < nd_; ++i) mu_force_[i] = share * mu_[i];
     q_mid_ = q1;
     std::fill(v_.begin(), v_.end(), 0.0);
-    each_force_curvature(m.instant_forces, m.instant_joints, t, [&](const auto& force, std::size_t size, const auto& P) {
-        const auto &support = force.support(), &inputs = force.inputs();
-        const std::size_t n = support.size(), r = inputs.size();
-        for (std::size_t a = 0; a < n; ++a) {
-            for (std::size_t b = 0; b < n; ++b) add_11(support[a], support[b], P[a * size + b]);
-            for (std::size_t b = 0; b < r; ++b) W_thth_(support[a], at_u + inputs[b]) += P[a * size + 2 * n + b];
-        }
-        for (std::size_t a = 0; a < r; ++a)
-            for (std::size_t b = 0; b < r; ++b)
-                if (inputs[a] <= inputs[b])
-                    W_thth_(at_u + inputs[a], at_u + inputs[b]) += P[(2 * n + a) * size + 2 * n + b];
-    });
+    each_force_curvature(
+        m.instant_forces, m.instant_joints, t, [&](const auto& force, std::size_t size, const auto& P) {
+            const auto &support = force.support(), &inputs = force.inputs();
+            const std::size_t n = support.size(), r = inputs.size();
+            for (std::size_t a = 0; a < n; ++a) {
+                for (std::size_t b = 0; b < n; ++b) add_11(support[a], support[b], P[a * size + b]);
+                for (std::size_t b = 0; b < r; ++b) W_thth_(support[a], at_u + inputs[b]) += P[a * size + 2 * n + b];
+            }
+            for (std::size_t a = 0; a < r; ++a)
+                for (std::size_t b = 0; b < r; ++b)
+                    if (inputs[a] <= inputs[b])
+                        W_thth_(at_u + inputs[a], at_u + inputs[b]) += P[(2 * n + a) * size + 2 * n + b];
+        });
 }
 
 template <class Sink>

@@ -34,12 +34,12 @@ namespace {
 
 using namespace trust;
 
-constexpr double contraction = 0.25;       // of the second correction
-constexpr double long_turn = 1.0;          // rad: no part of the way is longer
-constexpr double straight = 0.1;           // a correction of less than this part of the way means no turn
+constexpr double contraction = 0.25;             // of the second correction
+constexpr double long_turn = 1.0;                // rad: no part of the way is longer
+constexpr double straight = 0.1;                 // a correction of less than this part of the way means no turn
 constexpr double straight_past_infinity = 0.01;  // and of this part, where s goes through infinity
-constexpr double nothing_left = 1e-9;      // rad or m: a correction below this contracts by rounding alone
-constexpr double least_part = 1.0 / 1024;  // of the time step, to go on along the path
+constexpr double nothing_left = 1e-9;            // rad or m: a correction below this contracts by rounding alone
+constexpr double least_part = 1.0 / 1024;        // of the time step, to go on along the path
 constexpr int max_corrections = 8;
 
 }  // namespace

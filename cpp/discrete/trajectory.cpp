@@ -79,8 +79,8 @@ bool is_worse(const WorstStep& worst, double s, double turn) {
 }
 
 // s of the worst step from x to `end`, where it is not known yet.
-void judge_worst(MidpointStep& step, const Layout& at, double t, double dt, double share, const double* x, const double* u,
-                 const double* end, WorstStep& worst) {
+void judge_worst(MidpointStep& step, const Layout& at, double t, double dt, double share, const double* x,
+                 const double* u, const double* end, WorstStep& worst) {
     if (worst.k < 0 || !std::isnan(worst.s)) return;
     at.start(x, u, t, share, step);
     step.place_start();
@@ -161,8 +161,8 @@ RollOut roll_out(MidpointStep& step, int steps, const double* t, const double* x
     if (const int k = out.worst.k; k >= 0) {
         const double* x = X + static_cast<std::size_t>(k) * at.nx;
         const double dt = t[k + 1] - t[k];
-        judge_worst(step, at, t[k], dt, at.share(k, dt, first_share), x, U + static_cast<std::size_t>(k) * at.nu, x + at.nx,
-                    out.worst);
+        judge_worst(step, at, t[k], dt, at.share(k, dt, first_share), x, U + static_cast<std::size_t>(k) * at.nu,
+                    x + at.nx, out.worst);
     }
     return out;
 }

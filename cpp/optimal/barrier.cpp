@@ -12,7 +12,7 @@ constexpr double near = 1e3;      // by this factor duals may be off those of th
 constexpr double below =
     1.0 - 1e-9;                 // times the price is the largest dual: the price less the dual is to have some digits
 constexpr double almost = 0.1;  // of the slope may be left, of the other sign, where a step is not too long
-constexpr double guess = 0.1;  // of its price is the first dual of a limit that is not met
+constexpr double guess = 0.1;   // of its price is the first dual of a limit that is not met
 constexpr int halvings = 8;     // of a step that is too long
 constexpr double nearly = 0.1;  // part to which its length is told
 

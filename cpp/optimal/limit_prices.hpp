@@ -24,8 +24,8 @@ struct PriceBounds {
 };
 
 struct Priced {
-    bool dearer;                 // whether some limit needs a price that is higher
-    double dearest, cheapest;    // of an excess of its scale, of limits that are not hard
+    bool dearer;               // whether some limit needs a price that is higher
+    double dearest, cheapest;  // of an excess of its scale, of limits that are not hard
 };
 
 // Changes prices `rho` of the columns and multipliers `y` of the entries, whose values are c; writes the prices of entries.
