@@ -81,6 +81,7 @@ class Tree:
             "nrho": self.n_kinematic,
             "nq": self.nq,
             "nv": self.nq,
+            "first_rho": self.n_dynamic,
             "n_inputs": self.inputs.shape[1],
             "nc": len(self.ends),
             "nx": 2 * self.nq,

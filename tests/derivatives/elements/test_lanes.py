@@ -28,7 +28,7 @@ def test_roll_outs_side_by_side_are_those_of_each(case: Case, seed: int) -> None
     moved = np.concatenate([np.ones(m.n_inputs), 1e-4 * np.ones(m.nrho)])
     u = still + moved * rng.standard_normal((MANY, STEPS, len(still)))
     many = vi.core.roll_out_many(t, x0, u, 1)
-    assert max(many.alone) <= 1  # all but a step or two went side by side
+    assert sum(many.alone) <= 0.25 * MANY * STEPS  # most went side by side, also where some are stiff
     for i in range(MANY):
         alone = vi.core.roll_out(t, x0[i], None, u[i], None)
         assert many.steps[i] == alone.steps
