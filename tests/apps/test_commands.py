@@ -100,7 +100,7 @@ def test_gains_hold_a_platform_on_closed_loops(leastaction) -> None:
     # Held by its six legs, each bears a sixth of the weight of the platform, and stands still under them.
     m = la.load(file).mechanism
     q = m.configuration(facts["q"])
-    a = la.ContinuousDynamics(m).accelerations(q, np.zeros(m.nq), np.array(facts["u"])).a
+    a = la.ContinuousDynamics(m).accelerations(q, np.zeros(m.nv), np.array(facts["u"])).a
     assert np.abs(a).max() < 1e-6
     assert np.ptp(facts["u"]) < 1e-5 * max(facts["u"])
 

@@ -221,7 +221,7 @@ def test_balances_of_nothing_are_empty_and_bad_arguments_are_named() -> None:
         other.balance(run)
 
 
-@pytest.mark.parametrize("far", [1e11, 1e12, 1e15])
+@pytest.mark.parametrize("far", [1e12, 1e15])
 def test_a_motion_that_rounding_eats_says_so(far: float) -> None:
     """The same cart and pole, so far away that numbers are farther apart than a step moves."""
     m = cart()
@@ -232,7 +232,7 @@ def test_a_motion_that_rounding_eats_says_so(far: float) -> None:
     assert "rounding eats the motion" in str(run)
 
 
-@pytest.mark.parametrize("far", [4e8, 1e9])
+@pytest.mark.parametrize("far", [4e8, 1e9, 1e10])
 def test_a_step_that_rounding_fails_says_so(far: float) -> None:
     m = cart()
     vi = MidpointVI(m)

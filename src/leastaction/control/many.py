@@ -209,7 +209,8 @@ def linearize_many(
         raise ArgumentError(
             "integrator: its rotations are quaternions; expected a mechanism without, or use `linearize`"
         )
-    A, B, done = integrator.core.linearize_many(times, states, np.ascontiguousarray(inputs), threads)
+    count = as_count(threads, "threads", 0) or os.cpu_count() or 1
+    A, B, done = integrator.core.linearize_many(times, states, np.ascontiguousarray(inputs), count)
     if done < len(states) * N:
         i, k = divmod(done, N)
         raise ArgumentError(f"x: step {k} of instance {i} is none of the mechanism; give motions of `simulate_many`")

@@ -97,6 +97,8 @@ class PathBound(Limit):
 
     def __post_init__(self) -> None:
         given: Any = self.path
+        if isinstance(given, Mapping) and not given:
+            raise ArgumentError("PathBound: path: got no path, expected frames, or paths and their factors")
         for path in given if isinstance(given, Mapping) else [given]:
             if isinstance(path, str) or len(path) < 2:
                 raise ArgumentError(f"PathBound: path: got {path!r}, expected two frames or more")

@@ -26,9 +26,9 @@ def timings(m: Mechanism, q: Array, dt: float, seconds: float = 0.5) -> dict[str
     t = t[: steps + 1]
     system = MidpointSystem(vi, t)
     linear = system.linearize(run.x, run.u)
-    z = np.ones((steps + 1, m.nx))
+    z = np.ones((steps + 1, m.ndx))
     dynamics = ContinuousDynamics(m)
-    v, u = np.zeros((steps + 1, m.nq)), np.zeros((steps + 1, m.n_inputs))
+    v, u = np.zeros((steps + 1, m.nv)), np.zeros((steps + 1, m.n_inputs))
     return {
         "a step": _best(lambda: vi.simulate(start, t, inputs=run.inputs), seconds) / steps,
         "its derivatives A, B": _best(lambda: system.linearize(run.x, run.u), seconds) / steps,

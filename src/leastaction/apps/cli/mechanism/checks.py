@@ -13,6 +13,7 @@ from rich.text import Text
 
 from leastaction.errors import LeastActionError, some
 from leastaction.mechanics import Mechanism, MidpointVI, equilibrium, project_configuration, project_velocity
+from leastaction.mechanics.mechanism.turns import moved_by
 from leastaction.numerics.arrays import Array
 from leastaction.systems import MidpointSystem, check_derivatives
 
@@ -124,13 +125,13 @@ def _loops(m: Mechanism, q: Array) -> Check:
 
 def _near(m: Mechanism, q: Array) -> Array:
     """Return a configuration near another, on the constraints, that nothing makes special."""
-    moved = np.random.default_rng(0).uniform(-0.3, 0.3, m.nq)
+    by = np.random.default_rng(0).uniform(-0.3, 0.3, m.nv)
     if not m.nc:
-        return q + moved
+        return moved_by(m, q, by)
     # Guesses that are off by less keep to lengths that a mechanism of small links can have.
     for part in (1.0, 0.3, 0.1, 0.03):
         with suppress(LeastActionError):
-            return project_configuration(m, q + part * moved, attempts=3).q
+            return project_configuration(m, moved_by(m, q, part * by), attempts=3).q
     return q
 
 
@@ -150,7 +151,7 @@ def _rest(m: Mechanism, q: Array) -> Check:
 
 def _step(m: Mechanism, q: Array) -> Check:
     vi, t, near = MidpointVI(m), np.linspace(0.0, 2e-3, 3), _near(m, q)
-    v = np.random.default_rng(1).uniform(-1.0, 1.0, m.nq)
+    v = np.random.default_rng(1).uniform(-1.0, 1.0, m.nv)
     try:
         run = vi.simulate(vi.start(near, project_velocity(m, near, v).v if m.nc else v), t)
         if run.steps < 2:

@@ -260,7 +260,7 @@ def bench(
     if json_:
         print(json.dumps({"source": source, "core": _core.variant, "us": found}))
         return 0
-    console.print(f"[bold]{source}[/bold]: variables {m.nq}, equations {m.nc}; core {_core.variant}")
+    console.print(f"[bold]{source}[/bold]: variables {m.nv}, equations {m.nc}; core {_core.variant}")
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column(justify="right")
     for name, value in found.items():

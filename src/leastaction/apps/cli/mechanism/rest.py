@@ -60,7 +60,7 @@ def linear_rest(mechanism: Mechanism, q: Array) -> LinearRest:
     m = mechanism
     if not m.n_inputs:
         raise ArgumentError("the mechanism has no inputs, so nothing can regulate it; add motors (JointForce)")
-    dynamics, still = ContinuousDynamics(m), np.zeros(m.nq)
+    dynamics, still = ContinuousDynamics(m), np.zeros(m.nv)
     alone = dynamics.accelerations(q, still).a
     by_inputs = dynamics.linearize(q, still).a_du
     u, *_ = np.linalg.lstsq(by_inputs, -alone, rcond=1e-12)
