@@ -156,7 +156,12 @@ class Directions:
         scale = 0.0 if direction.shift > 0.0 else direction.curvature_scale
         down: Direction | None = problem.negative_curvature(scale) if goes_on else None
         if down is None:
-            raise EndFound(Outcome(Status.SADDLE, model.message, expected))
+            more = goes_on and not run.stalled and expected > run.asked
+            # Where this stage alone is content, there is more to be gained along a damped model's direction.
+            damped = self._direction("newton", direction.shift) if more else ""
+            if isinstance(damped, str):
+                raise EndFound(Outcome(Status.SADDLE, model.message, expected))
+            return damped
         promise = -(down.slope + 0.5 * down.bend)
         if promise <= max(run.goal, problem.noise):
             detail = f"So is the decrease that negative curvature promises along the direction found, {promise:.2g}."
