@@ -12,11 +12,12 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 import leastaction as la
 from leastaction.control import MPC, ClosedLoop, close_loop
 from leastaction.models.marionette import marionette, rest_pose
-from leastaction.viz import new_figure, save_png
+from leastaction.viz import BLUE, VERMILION, new_figure, save_png, styled
 
 M = marionette()
 VI, DT, AHEAD = la.MidpointVI(M), 0.01, 40
@@ -42,17 +43,29 @@ def run(start: np.ndarray, law: object, steps: int) -> ClosedLoop:
     return close_loop(VI, law, start, DT * np.arange(steps + 1), disturbance=knock)
 
 
+@styled
+def compared(loops: dict[str, ClosedLoop]) -> Figure:
+    """Draw where the torso hangs, with and without hands that act."""
+    figure = new_figure(7.5, 4.6)
+    panels = figure.subplots(2, 1, sharex=True)
+    for panel, axis in zip(panels, "xy", strict=True):
+        for (label, loop), color in zip(loops.items(), (BLUE, VERMILION), strict=True):
+            panel.plot(loop.t, 100.0 * loop[f"torso_t{axis}"], label=label, color=color)
+        panel.set(ylabel=f"torso, {axis} (cm)")
+        for step in KNOCKS:
+            panel.axvline(DT * step, color="0.6", linestyle=":")
+    panels[1].set(xlabel="time (s)")
+    panels[0].set_title("Where the torso hangs; it is knocked at dotted lines", loc="left")
+    panels[0].legend(loc="lower left", bbox_to_anchor=(0.1, 0.0))
+    return figure
+
+
 def main(output: Path, steps: int = 380) -> ClosedLoop:
     """Run it with hands that act and with hands that stand still, print and draw."""
     start = VI.start(rest_pose(M)).x
     loops = {"hands that act": run(start, controller(start), steps)}
     loops["hands that stand still"] = run(start, lambda _t, _x: start[M.nd : M.nq], steps)
-    figure = new_figure(9.0, 6.0)
-    for panel, name in zip(figure.subplots(2, 1), ("torso_tx", "torso_ty"), strict=True):
-        for label, loop in loops.items():
-            panel.plot(loop.t, 100.0 * loop[name], label=label)
-        panel.set(ylabel=f"{name} (cm)", xlabel="time (s)")
-        panel.legend()
+    figure = compared(loops)
     for label, loop in loops.items():
         off = 100.0 * np.hypot(loop["torso_tx"], loop["torso_ty"])
         print(f"{label}: {off[120]:.1f} cm off a second after the first knock, at most {off.max():.1f} cm")
