@@ -8,22 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from derivatives.test_quaternions import AT_JOINTS, FORCES, PIN, ROD, WRENCH, tumbling
+from derivatives.along_directions import check_along
+from derivatives.test_quaternions import AT_JOINTS, FORCES, PIN, ROD, WRENCH, tumbling, turned
 from leastaction.mechanics import BodyWrench, ContinuousDynamics, Element, Gravity, Mechanism, ball, tx, tz
 from leastaction.mechanics.mechanism.turns import moved
 from leastaction.numerics.arrays import Array
 
 RELATIVE = 1e-11
-
-
-def turned(m: Mechanism, rng: np.random.Generator) -> Array:
-    """Return a configuration with random rotations."""
-    q = m.configuration()
-    for rotation in m.tree.rotations:
-        first = m.coordinates.index(rotation.quaternion[0])
-        turn = rng.standard_normal(4)
-        q[first : first + 4] = turn / np.linalg.norm(turn)
-    return q
 
 
 MOMENTS = np.array([[0.3, 0.02, -0.01], [0.02, 0.45, 0.03], [-0.01, 0.03, 0.25]])
@@ -132,13 +123,4 @@ def test_derivatives_are_those_of_differences(elements: tuple[Element, ...]) -> 
     z = rng.standard_normal(m.nd + m.nc)
     second = dynamics.curvature(q, v, u, rho_a, z_a=z[: m.nd], z_lam=z[m.nd :])
     assert np.abs(second - second.T).max() < 1e-13 * np.abs(second).max()
-    n = int(ends[-1])
-    for _ in range(6):
-        e = rng.standard_normal(n) / np.sqrt(n)
-        h = 4e-3
-        plus, minus = [solved(k * h * e) for k in (1, 2, 3)], [solved(-k * h * e) for k in (1, 2, 3)]
-        slope = sum(w * (a - b) for w, a, b in zip((0.75, -0.15, 1.0 / 60.0), plus, minus, strict=True)) / h
-        bend = sum(w * (a + b) for w, a, b in zip((1.5, -0.15, 1.0 / 90.0), plus, minus, strict=True))
-        bend = (bend - 49.0 / 18.0 * solved(np.zeros(n))) / h**2
-        assert np.abs(first @ e - slope).max() < 1e-8 * np.abs(first).max()
-        assert abs(e @ second @ e - z @ bend) < 1e-7 * max(1.0, np.abs(second).max())
+    check_along(solved, first, second, z, rng)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from leastaction import _core
+from derivatives.along_directions import check_step
+from derivatives.test_quaternions import turned
 from leastaction.mechanics import (
     BodyWrench,
     Distance,
@@ -56,11 +57,8 @@ CASES = {"free": (), "forces": FORCES, "wrenches": WRENCHES, "rod": (ROD,), "all
 def test_derivatives_are_those_of_differences(elements: tuple[Element, ...]) -> None:
     m = carried(*elements)
     rng = np.random.default_rng(3)
-    q, v = m.configuration(), 2.0 * rng.standard_normal(m.nv)
-    for rotation in m.tree.rotations:
-        first = m.coordinates.index(rotation.quaternion[0])
-        turn = rng.standard_normal(4)
-        q[first : first + 4] = turn / np.linalg.norm(turn)
+    v = 2.0 * rng.standard_normal(m.nv)
+    q = turned(m, rng)
     beside = [m.coordinates.index(f"beside.{letter}") for letter in "xyz"]
     if PIN in elements:
         q[beside] += m.positions(q, ("tip",))[0] - m.positions(q, ("eye",))[0]
@@ -69,35 +67,12 @@ def test_derivatives_are_those_of_differences(elements: tuple[Element, ...]) -> 
         m = m.with_parameters({"rod.length": apart})
     v = project_velocity(m, q, v).v if m.nc else v
     vi = MidpointVI(m, tolerance=1e-15)
-    t, dt = np.array([0.0, 0.05]), 0.05
+    dt = 0.05
     u = np.concatenate(
         [0.3 * rng.standard_normal(m.n_inputs), q[m.first_rho : m.first_rho + 3] + dt * v[m.nd : m.nd + 3]]
     )
     u = np.append(u, dt * v[m.nd + 3 :] + [0.3, -0.2, 0.4])
-    x0 = vi.start(q, v).x
-
-    def end(d: Array) -> Array:
-        start = _core.plus(m.core, x0[None], d[None, : m.ndx])[0]
-        out = vi.core.roll_out(t, start, None, (u + d[m.ndx :])[None], None)
-        assert out.steps == 1
-        return np.concatenate([_core.difference(m.core, out.x[1:], x1[None])[0], out.lam[0]])
-
-    x1 = vi.core.roll_out(t, x0, None, u[None], None).x[1]
-    core = _core.Linearization(vi.core, 1, True)
-    assert core.along(t, np.stack([x0, x1]), u[None]) == 1
-    n = m.ndx + len(u)
-    first = np.hstack([core.A[0][:, : m.ndx], core.B[0]])
-    z = rng.standard_normal(m.ndx + m.nc)
-    second = core.curvature(z[None])[0]
-    for _ in range(6):
-        e = rng.standard_normal(n) / np.sqrt(n)
-        h = 2e-3
-        plus, minus = [end(k * h * e) for k in (1, 2, 3)], [end(-k * h * e) for k in (1, 2, 3)]
-        slope = sum(w * (a - b) for w, a, b in zip((0.75, -0.15, 1.0 / 60.0), plus, minus, strict=True)) / h
-        bend = sum(w * (a + b) for w, a, b in zip((1.5, -0.15, 1.0 / 90.0), plus, minus, strict=True))
-        bend = (bend - 49.0 / 18.0 * end(np.zeros(n))) / h**2
-        assert np.abs(first @ e - slope).max() < 1e-8 * np.abs(first).max()
-        assert abs(e @ second @ e - z @ bend) < 1e-7 * max(1.0, np.abs(second).max())
+    check_step(vi, vi.start(q, v).x, u, rng, step=2e-3)
 
 
 def angles(t: float) -> Array:

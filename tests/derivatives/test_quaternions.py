@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from derivatives.along_directions import check_step
 from leastaction import _core
 from leastaction.mechanics import (
     BodyWrench,
@@ -32,6 +33,7 @@ from leastaction.mechanics import (
     ty,
     tz,
 )
+from leastaction.numerics.arrays import Array
 
 RELATIVE = 1e-11
 DT = 0.07
@@ -156,7 +158,19 @@ def tumbling(*elements: Element) -> Mechanism:
 FORCES = (LinearSpring("toe", "left", 40.0, 0.3), LinearDamper("toe", "hand", 0.7))
 WRENCH = BodyWrench("foot", force=(0.1, "push", 0.0), torque=("roll", 0.3, "yaw"))
 ROD = Distance("toe", "hand", 0.9, name="rod")
+
+
 # What acts on the turns of the joints themselves, one by one and in sums with other variables.
+def turned(m: Mechanism, rng: np.random.Generator) -> Array:
+    """Return a configuration with random rotations."""
+    q = m.configuration()
+    for rotation in m.tree.rotations:
+        first = m.coordinates.index(rotation.quaternion[0])
+        turn = rng.standard_normal(4)
+        q[first : first + 4] = turn / np.linalg.norm(turn)
+    return q
+
+
 AT_JOINTS = (
     Damping({"base.wy": 0.3, "hip.wx": 0.05, "knee": 0.1}),
     NonlinearDamping({"hip.wy": 0.7, "knee": -0.4, "hip.wz": 0.2}, (0.1, 0.02)),
@@ -178,11 +192,8 @@ PIN = PointToPoint("left", "hand", name="pin")
 def test_derivatives_are_those_of_differences(elements: tuple[Element, ...]) -> None:
     m = tumbling(*elements)
     rng = np.random.default_rng(3)
-    q, v = m.configuration(), 2.0 * rng.standard_normal(m.nv)
-    for rotation in m.tree.rotations:
-        first = m.coordinates.index(rotation.quaternion[0])
-        turn = rng.standard_normal(4)
-        q[first : first + 4] = turn / np.linalg.norm(turn)
+    v = 2.0 * rng.standard_normal(m.nv)
+    q = turned(m, rng)
     if PIN in elements:
         q[:3] -= m.positions(q, ("left",))[0] - m.positions(q, ("hand",))[0]
     if ROD in elements:
@@ -190,31 +201,7 @@ def test_derivatives_are_those_of_differences(elements: tuple[Element, ...]) -> 
         m = m.with_parameters({"rod.length": apart})
     v = project_velocity(m, q, v).v if m.nc else v
     vi = MidpointVI(m, tolerance=1e-15)
-    t, u = np.array([0.0, 0.05]), np.append(0.3 * rng.standard_normal(m.n_inputs), 0.03)
-    x0 = vi.start(q, v).x
-
-    def end(d: np.ndarray) -> np.ndarray:
-        start = _core.plus(m.core, x0[None], d[None, : m.ndx])[0]
-        out = vi.core.roll_out(t, start, None, (u + d[m.ndx :])[None], None)
-        assert out.steps == 1
-        return np.concatenate([_core.difference(m.core, out.x[1:], x1[None])[0], out.lam[0]])
-
-    x1 = vi.core.roll_out(t, x0, None, u[None], None).x[1]
-    core = _core.Linearization(vi.core, 1, True)
-    assert core.along(t, np.stack([x0, x1]), u[None]) == 1
-    n = m.ndx + len(u)
-    first = np.hstack([core.A[0][:, : m.ndx], core.B[0]])
-    z = rng.standard_normal(m.ndx + m.nc)
-    second = core.curvature(z[None])[0]
-    for _ in range(6):
-        e = rng.standard_normal(n) / np.sqrt(n)
-        h = 4e-3
-        plus, minus = [end(k * h * e) for k in (1, 2, 3)], [end(-k * h * e) for k in (1, 2, 3)]
-        slope = sum(w * (a - b) for w, a, b in zip((0.75, -0.15, 1.0 / 60.0), plus, minus, strict=True)) / h
-        bend = sum(w * (a + b) for w, a, b in zip((1.5, -0.15, 1.0 / 90.0), plus, minus, strict=True))
-        bend = (bend - 49.0 / 18.0 * end(np.zeros(n))) / h**2
-        assert np.abs(first @ e - slope).max() < 1e-8 * np.abs(first).max()
-        assert abs(e @ second @ e - z @ bend) < 1e-7 * max(1.0, np.abs(second).max())
+    check_step(vi, vi.start(q, v).x, np.append(0.3 * rng.standard_normal(m.n_inputs), 0.03), rng)
 
 
 def test_parameters() -> None:

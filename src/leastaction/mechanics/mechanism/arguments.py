@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,7 @@ from leastaction import _core
 from leastaction.errors import NOT_YET, ArgumentError, unknown
 from leastaction.mechanics.description.tree import Tree
 from leastaction.mechanics.elements import Element, Parts
-from leastaction.numerics.arrays import Array, as_array, shape_of
+from leastaction.numerics.arrays import Array, as_array, as_number, require_mapping, shape_of
 
 _UNIT = 1e-6  # how far rounding of a file may take the length of a quaternion from one
 _ROUNDING = 1e-14  # and how far from one it stays as it is
@@ -51,6 +51,21 @@ def check_same_names(theirs: Compiled, ours: Compiled, what: str, advice: str = 
     """Raise unless two mechanisms have the same variables, inputs and constraints; ``advice``: what to do, if any."""
     if (theirs.variables, theirs.inputs, theirs.constraints) != (ours.variables, ours.inputs, ours.constraints):
         raise ArgumentError(f"{what}: it is of {theirs!r} with other names, expected one of {ours!r}{advice}")
+
+
+def by_name(
+    names: Sequence[str], values: Mapping[str, float] | None, default: float, known: Mapping[str, float] | None = None
+) -> Array:
+    """Return numbers of variables (len(names),): as given by name, else as ``known``, else ``default``."""
+    given = {} if values is None else values
+    require_mapping(given, "values", "{'pole': 1.0}")
+    rest = as_number(default, "default")
+    found = dict.fromkeys(names, rest) | dict(known or {})
+    for name, value in given.items():
+        if name not in found:
+            raise unknown("variable", name, names)
+        found[name] = as_number(value, f"the value of {name!r}")
+    return np.array(list(found.values()), dtype=np.float64)
 
 
 def single(m: Compiled, q: ArrayLike, what: str = "q") -> Array:

@@ -19,7 +19,7 @@ from leastaction.mechanics.description.masses import check_masses
 from leastaction.mechanics.description.tree import BallAngles
 from leastaction.mechanics.elements import Element, Parts
 from leastaction.mechanics.mechanism import queries
-from leastaction.mechanics.mechanism.arguments import Compiled, batch, configuration_on
+from leastaction.mechanics.mechanism.arguments import Compiled, batch, by_name, configuration_on
 from leastaction.mechanics.mechanism.changes import freed, with_values
 from leastaction.mechanics.mechanism.compilation import Plan, plan
 from leastaction.mechanics.mechanism.equality import names_hash, same
@@ -36,7 +36,7 @@ from leastaction.mechanics.mechanism.parameters import (
 from leastaction.mechanics.mechanism.shared import check_values, joined, members_of, spread
 from leastaction.mechanics.mechanism.view import tree_view
 from leastaction.mechanics.mechanism.view_html import html_view
-from leastaction.numerics.arrays import Array, as_number, require_mapping
+from leastaction.numerics.arrays import Array
 from leastaction.numerics.public import public
 
 
@@ -186,17 +186,12 @@ class Mechanism(Compiled):
         ArgumentError
             For an unknown name or a value that is not a finite number.
         """
-        values = {} if values is None else values
-        require_mapping(values, "values", "{'pole': 1.0}")
-        q = np.full(self.nq, as_number(default, "default"))
-        order = {name: index for index, name in enumerate(self.coordinates)}
-        for rotation in self.tree.rotations:
-            q[[order[name] for name in rotation.quaternion]] = 1.0, 0.0, 0.0, 0.0
-        for name, value in values.items():
-            if name not in order:
-                raise unknown("variable", name, order)
-            q[order[name]] = as_number(value, f"the value of {name!r}")
-        return configuration_on(self, q, "values")
+        still = {
+            name: value
+            for rotation in self.tree.rotations
+            for name, value in zip(rotation.quaternion, (1.0, 0.0, 0.0, 0.0), strict=True)
+        }
+        return configuration_on(self, by_name(self.coordinates, values, default, still), "values")
 
     def velocity(self, values: Mapping[str, float] | None = None, *, default: float = 0.0) -> Array:
         """Return a velocity, or another number for each variable such as a weight, from values by name.
@@ -217,15 +212,7 @@ class Mechanism(Compiled):
         ArgumentError
             For an unknown name or a value that is not a finite number.
         """
-        values = {} if values is None else values
-        require_mapping(values, "values", "{'pole': 1.0}")
-        v = np.full(self.nv, as_number(default, "default"))
-        order = {name: index for index, name in enumerate(self.variables)}
-        for name, value in values.items():
-            if name not in order:
-                raise unknown("variable", name, order)
-            v[order[name]] = as_number(value, f"the value of {name!r}")
-        return v
+        return by_name(self.variables, values, default)
 
     def named(self, q: ArrayLike) -> dict[str, Any]:
         """Return the entries of a configuration by name: floats, or arrays (N,) for a batch (N, nq)."""

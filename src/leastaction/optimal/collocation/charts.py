@@ -21,13 +21,14 @@ def space_on_mesh(system: ContinuousSystem) -> StateSpace | None:
     return ProductSpace(*[system.space] * STAGES, Vectors(STAGES * system.nu))
 
 
-def in_charts(found: Linearization, space: StateSpace, moves: NodeLayout, x: Array, u: Array) -> Linearization:
-    """Return derivatives by differences of states x (N+1, nx), given those of steps by their numbers.
+def in_charts(found: Linearization, space: StateSpace, moves: NodeLayout, begin: Array, end: Array) -> Linearization:
+    """Return derivatives by differences of states, given those of steps by their numbers.
 
-    ``moves``: where the differences of points are in those of a piece.
+    ``begin``, ``end`` (N, nx): where the steps lead from and to. ``moves``: where the differences of points are in
+    those of a piece.
     """
-    N, ndx, nu = len(u), space.ndx, u.shape[1]
-    begin, end = x[:-1].copy(), x[1:].copy()
+    N, ndx, nu = len(found.B), space.ndx, found.B.shape[2]
+    begin, end = begin.copy(), end.copy()
     P, G = space.plus_derivative(begin), space.changes(end)
     slopes = np.concatenate([found.A @ P, found.B], axis=2)
     A, B = G @ slopes[:, :, :ndx], G @ slopes[:, :, ndx:]

@@ -16,6 +16,7 @@ from leastaction.optimal.collocation.mesh import MATRIX, STAGES, RadauMesh
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
 from leastaction.optimal.quantity import Instants
+from leastaction.optimal.space import moved_by
 from leastaction.optimal.system import Linearization
 
 _MOST_ITERATIONS, _RESIDUAL = 40, 1e-12
@@ -117,7 +118,7 @@ class CollocationSystem(DiscreteSystem):
     def _moved(self, states: Array, off: Array) -> Array:
         """Return states of points (STAGES, nx) moved as the end of the piece before is."""
         space = self.system.space
-        return states + off[: self.system.nx] if space is None else space.plus(states, off[: space.ndx])
+        return moved_by(space, states, off[: self.system.nx if space is None else space.ndx])
 
     def _rolled_out(self, x: Array, u: Array, curve: tuple[Array, Array, Array], pieces: slice, begin: int) -> int:
         """Let the system simulate pieces by itself from one of them on; return the first that it did not."""
@@ -214,17 +215,21 @@ class CollocationSystem(DiscreteSystem):
 
     def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:  # noqa: ARG002
         """Return the derivatives of every piece, by the implicit function theorem."""
-        found = self.by_all_numbers(x, u)
-        if self.space is None or self.system.space is None:
-            return found
-        return in_charts(found, self.space, NodeLayout(self.system.space.ndx, self.system.nu), x, u)
+        return self._in_charts(self.by_all_numbers(x, u), x[:-1], x[1:])
 
     def by_all_numbers(self, x: Array, u: Array) -> Linearization:
         """Return the same by the numbers of states, which are derivatives by states where these are plain vectors."""
         return self._linearized(*self.points(x, u))
 
-    def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:  # noqa: ARG002 - the ends say it all
-        return self._linearized(self.layout.points(ends)[0], u.reshape(self.N, STAGES, -1))
+    def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
+        found = self._linearized(self.layout.points(ends)[0], u.reshape(self.N, STAGES, -1))
+        return self._in_charts(found, x[: self.N], ends)
+
+    def _in_charts(self, found: Linearization, begin: Array, end: Array) -> Linearization:
+        """Return derivatives of pieces that are by the numbers of states by these, where they are no plain vectors."""
+        if self.space is None or self.system.space is None:
+            return found
+        return in_charts(found, self.space, NodeLayout(self.system.space.ndx, self.system.nu), begin, end)
 
     def _linearized(self, states: Array, inputs: Array) -> Linearization:
         """Return the derivatives of pieces with these states and inputs at their points (N, STAGES, ...)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -35,6 +35,14 @@ def rows_of_condition(
     quantity, count = QuantityOfUnknowns(system, condition), len(condition.names)
     size, start = size_of(values_of(condition, guess)[0]), np.zeros(1, dtype=np.intp)
     return [Rows("unknowns", quantity, 1.0, np.zeros((1, count)), start, np.full(count, size), is_asked=False)]
+
+
+def is_of_unknowns(limit: Bound, names: Collection[str]) -> bool:
+    """Whether a limit is one on unknowns with these names."""
+    if limit.of is not None:
+        return limit.of == "unknown"
+    limited = [limit.names] if isinstance(limit.names, str) else list(limit.names)
+    return bool(limited) and all(name in names for name in limited)
 
 
 def values_of(condition: Quantity, values: Array) -> tuple[Array, Array]:

@@ -7,13 +7,16 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.differences import fourth_order
+from leastaction.optimal.loop import Callback
 from leastaction.optimal.quantity import Entries, as_slice
+from leastaction.optimal.result import IterationRecord, OptimizationResult
 from leastaction.optimal.system import FINAL_TIME, System
 
 _PART = 1e-3  # of a parameter, by which it is moved for differences
@@ -166,6 +169,25 @@ class Extended(System):
     def unknown_quantity(self) -> Entries:
         """Return the parameters as a quantity."""
         return Entries(self.names, range(self.n_own, self.at_copies), of_state=True)
+
+
+def told_in_own_states(
+    given: Callback | None,
+    own: Callable[[Array], Array],
+    result: Callable[[OptimizationResult], OptimizationResult],
+) -> Callback | None:
+    """Return a callback that tells the given one of the system's own states.
+
+    ``own``, ``result``: return extended states, and a result of these, as ones of the system.
+    """
+    if given is None:
+        return None
+
+    def tell(record: IterationRecord) -> object:
+        x = read_only(own(record.x))
+        return given(replace(record, x=x, snapshot=lambda: result(record.snapshot())))
+
+    return tell
 
 
 def stepped(at: Array, j: int, by: float | None = None) -> Array:

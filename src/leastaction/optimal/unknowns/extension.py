@@ -21,9 +21,10 @@ from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.loop import Callback
 from leastaction.optimal.options import Options
 from leastaction.optimal.quantity import Entries
-from leastaction.optimal.result import IterationRecord, OptimizationResult
-from leastaction.optimal.unknowns.conditions import off_the_border, rows_of_condition
+from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.unknowns.conditions import is_of_unknowns, off_the_border, rows_of_condition
 from leastaction.optimal.unknowns.cost import ExtendedCost
+from leastaction.optimal.unknowns.extended import told_in_own_states
 from leastaction.optimal.unknowns.periodic import Periodic
 from leastaction.optimal.unknowns.quantity import ExtendedQuantity, changing_parameters
 from leastaction.optimal.unknowns.system import ExtendedSystem
@@ -93,17 +94,11 @@ class Extension:
     def _rows(self, limit: Limit) -> list[Rows]:
         if isinstance(limit, Periodic):
             return limit.rows(self.system, self.first)
-        if isinstance(limit, Bound) and self._is_of_unknowns(limit):
+        if isinstance(limit, Bound) and is_of_unknowns(limit, self.system.names):
             # They are constant.
             return replace(limit, of="unknown", at="start").rows(self.system, 0)
         rows = limit.rows(self.own, self.first)
         return [self._extended(limit, i, row) for i, row in enumerate(rows)]
-
-    def _is_of_unknowns(self, limit: Bound) -> bool:
-        if limit.of is not None:
-            return limit.of == "unknown"
-        names = [limit.names] if isinstance(limit.names, str) else list(limit.names)
-        return bool(names) and all(name in self.system.names for name in names)
 
     def _extended(self, limit: Limit, i: int, row: Rows) -> Rows:
         own = row.quantity
@@ -159,14 +154,7 @@ class Extension:
 
     def callback(self, given: Callback | None) -> Callback | None:
         """Return a callback that tells the given one of the system's own states."""
-        if given is None:
-            return None
-
-        def tell(record: IterationRecord) -> object:
-            own = read_only(self.system.own(record.x))
-            return given(replace(record, x=own, snapshot=lambda: self.result(record.snapshot())))
-
-        return tell
+        return told_in_own_states(given, lambda x: self.system.own(x), self.result)
 
     def result(self, found: OptimizationResult) -> OptimizationResult:
         """Return a result in the system's own states, with its unknowns."""

@@ -25,12 +25,13 @@ from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.limit import Bound, Limit
 from leastaction.optimal.loop import Callback
 from leastaction.optimal.options import Options
-from leastaction.optimal.result import IterationRecord, OptimizationResult
+from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.search.problem import DiscreteProblem
-from leastaction.optimal.unknowns.conditions import off_the_border
+from leastaction.optimal.unknowns.conditions import is_of_unknowns, off_the_border
 from leastaction.optimal.unknowns.continuous.cost import ExtendedContinuousCost
 from leastaction.optimal.unknowns.continuous.limits import OfCondition, OfOwnStates, OfUnknowns
 from leastaction.optimal.unknowns.continuous.system import ExtendedContinuousSystem
+from leastaction.optimal.unknowns.extended import told_in_own_states
 from leastaction.optimal.unknowns.periodic import Periodic
 from leastaction.optimal.unknowns.unknown import Unknown
 
@@ -131,7 +132,7 @@ class ContinuousExtension:
         for limit in self.limits:
             if isinstance(limit, Periodic):
                 limits.append(limit)
-            elif isinstance(limit, Bound) and self._is_of_unknowns(limit):
+            elif isinstance(limit, Bound) and is_of_unknowns(limit, self.names):
                 limits.append(OfUnknowns(limit))
             else:
                 limits.append(OfOwnStates(limit, guess))
@@ -140,12 +141,6 @@ class ContinuousExtension:
             system, cost, limits, self._settings(), self.accuracy, (t0, tf), True,
             first=self.first, final_time=system.final_time, gapped=self._gapped,
         )  # fmt: skip
-
-    def _is_of_unknowns(self, limit: Bound) -> bool:
-        if limit.of is not None:
-            return limit.of == "unknown"
-        names = [limit.names] if isinstance(limit.names, str) else list(limit.names)
-        return bool(names) and all(name in self.names for name in names)
 
     @property
     def _gapped(self) -> Gapped:
@@ -204,14 +199,7 @@ class ContinuousExtension:
 
     def callback(self, given: Callback | None) -> Callback | None:
         """Return a callback that tells the given one of the system's own states."""
-        if given is None:
-            return None
-
-        def tell(record: IterationRecord) -> object:
-            own = read_only(self.system.own(record.x))
-            return given(replace(record, x=own, snapshot=lambda: self.result(record.snapshot())))
-
-        return tell
+        return told_in_own_states(given, lambda x: self.system.own(x), self.result)
 
     def result(self, found: OptimizationResult) -> ContinuousOptimizationResult:
         """Return a result in the system's own states and the true time, with its unknowns."""
