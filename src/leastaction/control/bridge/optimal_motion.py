@@ -16,11 +16,10 @@ import numpy as np
 from leastaction.errors import ArgumentError, unknown
 from leastaction.numerics.arrays import Array, as_array, read_only, require_instance
 from leastaction.optimal.discrete.cost import Cost
-from leastaction.optimal.discrete.linear_quadratic import solve_linear_quadratic
+from leastaction.optimal.discrete.linear_quadratic import adjoint, solve_linear_quadratic
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.optimization import optimize
-
-_NEAR = 6e-6  # change of a parameter for differences of exact derivatives, in parts of it: the cube root of rounding
+from leastaction.optimal.unknowns.extended import by_differences
 
 
 def with_values(system: DiscreteSystem, names: Sequence[str], values: Array) -> DiscreteSystem:
@@ -89,11 +88,7 @@ class OptimalMotion:
         N, nx, nu, P = system.N, system.nx, system.nu, len(names)
         linear = system.linearize(x, u)
         A, B = np.array(linear.A), np.array(linear.B)
-        q, _, q_final = self.cost.gradient(x, u)
-        z = np.empty((N + 1, nx))
-        z[N] = q_final
-        for k in range(N - 1, -1, -1):
-            z[k] = q[k] + A[k].T @ z[k + 1]
+        z = adjoint(A, B, np.zeros((N, nu, nx)), *self.cost.gradient(x, u))
         weights = np.ascontiguousarray(z[1:])
         H = linear.curvature(weights) if linear.second is not None else system.curvatures(x, u, z)
         weigh = self.cost.hessian(x, u)
@@ -129,18 +124,12 @@ class OptimalMotion:
         if exact is not None:
             return drift, exact[:, :, :n]
         pull = np.empty((len(u), len(names), n))
-        for j, (name, value) in enumerate(zip(names, np.asarray(values).tolist(), strict=True)):
-            step = _NEAR * max(1.0, abs(value)) if value == 0.0 else _NEAR * abs(value)
-            sides = []
-            for sign in (1.0, -1.0):
-                near = self._step_slopes(system.with_parameters_near({name: value + sign * step}), x, u)
-                sides.append(np.einsum("ki,kij->kj", z, near))
-            pull[:, j] = (sides[0] - sides[1]) / (2.0 * step)
-        return drift, pull
+        for j in range(len(names)):
 
-    def _step_slopes(self, system: DiscreteSystem, x: Array, u: Array) -> Array:
-        """Return ``[A B]`` (N, nx, nx+nu) of each step from its own state, whatever it leads to."""
-        A, B = np.empty((len(u), system.nx, system.nx)), np.empty((len(u), system.nx, system.nu))
-        for k in range(len(u)):
-            A[k], B[k] = system.derivatives(x[k], u[k], k)
-        return np.concatenate([A, B], axis=2)
+            def slopes(moved: Array) -> Array:
+                near = system.with_parameters_near(dict(zip(names, moved.tolist(), strict=True)))
+                A, B = near.linearize_each(x, u, near.step_each(x, u).x)
+                return np.asarray(np.einsum("ki,kij->kj", z, np.concatenate([A, B], axis=2)))
+
+            pull[:, j] = by_differences(slopes, np.asarray(values, dtype=np.float64), j)
+        return drift, pull

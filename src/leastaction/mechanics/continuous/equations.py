@@ -65,7 +65,7 @@ class Equations:
             return x
         x = x.copy()
         value, velocity = motion_at(self.motion, t, m.kinematic)
-        x[self.kinematics.n_dynamic : m.nq], x[m.nq + m.nd :] = value, velocity
+        x[m.first_rho : m.nq], x[m.nq + m.nd :] = value, velocity
         return x
 
     def input(self, t: float, x: Array) -> Array:
@@ -136,7 +136,7 @@ class Equations:
             by_u[nq + nd :, m.n_inputs :] = np.eye(m.nrho)
             by_x += by_u[:, : len(slope)] @ slope
         if self.motion is not None:
-            prescribed = np.r_[self.kinematics.n_dynamic : nq, nq + nd : m.nx]
+            prescribed = np.r_[m.first_rho : nq, nq + nd : m.nx]
             by_x[:, prescribed] = 0.0
             by_x[prescribed] = 0.0
         return by_x

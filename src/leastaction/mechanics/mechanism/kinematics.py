@@ -15,14 +15,10 @@ from leastaction.numerics.arrays import Array
 
 
 class Kinematics:
-    """The relation ``q' = N(q) v`` of one mechanism; where no rotation is a quaternion N is the identity.
-
-    ``n_dynamic``: how many numbers of a configuration belong to the dynamic variables.
-    """
+    """The relation ``q' = N(q) v`` of one mechanism; where no rotation is a quaternion N is the identity."""
 
     def __init__(self, mechanism: Compiled) -> None:
         self.mechanism = m = mechanism
-        self.n_dynamic = m.nq - len(m.tree.coordinates(m.kinematic))
         self.turns = [
             (m.coordinates.index(rotation.quaternion[0]), m.variables.index(rotation.variables[0]))
             for rotation in m.tree.rotations
