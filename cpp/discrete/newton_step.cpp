@@ -435,10 +435,8 @@ bool MidpointStep::wants_refresh(const StepReport& report, double merit, double 
 StepReport MidpointStep::solve(double dt, bool known) {
     StepReport report;
     const double none = std::numeric_limits<double>::infinity();
-    double previous = none;  // residual, in units of the first point's terms,
-                             // where the last correction was made
-    bool fresh = false;      // the last correction was made with the Newton matrix of
-                             // its own point
+    double previous = none;  // residual, in units of the first point's terms, where the last correction was made
+    bool fresh = false;      // the last correction was made with the Newton matrix of its own point
     int halvings = 0;
     if (factored_dt_ != dt) have_factors_ = false;
     factored_at_solution_ = false;
