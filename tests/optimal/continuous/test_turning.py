@@ -204,7 +204,7 @@ def test_the_hand_is_an_input(bounded: bool) -> None:
     wanted = np.r_[0.0, 0.0, np.cos(0.5), 0.0, np.sin(0.5), 0.0, np.zeros(5)]
     price = {"Q": np.full(10, 1e-3), "R": np.full(3, 1e-3), "Q_final": np.r_[0.1, 0.1, np.full(8, 10.0)]}
     cost = ContinuousQuadraticCost(wanted, np.zeros(3), **price, space=system)
-    limits = [Bound(["hand.wx", "hand.wy", "hand.wz"], -8.0, 8.0, of="acceleration")] if bounded else None
+    limits = [Bound(["hand.wx", "hand.wy", "hand.wz"], -8.0, 8.0, of="acceleration")] if bounded else []
     found = optimize(system, cost, initial=(x0, np.zeros(3)), horizon=(0.0, 0.8), limits=limits)
     assert found.success, found.message
     assert np.abs(system.difference(found.x[-1], wanted)[2:5]).max() < 0.05

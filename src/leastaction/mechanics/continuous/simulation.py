@@ -25,7 +25,7 @@ from leastaction.mechanics.continuous.signals import (
 )
 from leastaction.mechanics.continuous.stabilisation import Baumgarte, Projection, as_handling, check_start_consistent
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, DenseOutput, IntegrationStatus
-from leastaction.mechanics.mechanism.arguments import configuration_on
+from leastaction.mechanics.mechanism.arguments import rates, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, shape_of
@@ -216,8 +216,8 @@ def _motion(m: Mechanism, rho: object, rho_a: object, u: object, inputs: object,
 
 def _start(m: Mechanism, q0: object, v0: object, motion: Prescribed | None, t0: float) -> Array:
     """Return the state at the start, on the prescribed motion."""
-    q = configuration_on(m, as_array(q0, "q0", (m.nq,), names=m.coordinates).copy(), "q0")
-    v = np.zeros(m.nv) if v0 is None else as_array(v0, "v0", (m.nv,), names=m.variables).copy()
+    q = single(m, q0, "q0").copy()
+    v = np.zeros(m.nv) if v0 is None else rates(m, v0, "v0").copy()
     if motion is not None:
         q, v = motion.start(q, v, t0, at_rest=v0 is None)
     return np.concatenate([q, v])
