@@ -113,7 +113,7 @@ class Cost(ABC):
         return None
 
     def remembering(self, system: Any) -> Cost:
-        """Return it as a cost of states that hold what it `needs`, those of a system made of its own, which is given."""
+        """Return it as a cost of states that hold what it `needs`: those of a given system, made of its own."""
         raise NotImplementedError(f"{type(self).__name__} needs {self.needs} and does not say how: `remembering`")
 
     def misfit(self, x: Array) -> float | None:  # noqa: ARG002
