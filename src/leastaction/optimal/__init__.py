@@ -128,7 +128,7 @@ __all__ = [
     "PricedLimits", "ProductSpace", "ProjectionOperator", "QuadraticCost", "Quantity", "RateCost", "RateGradient",
     "RateHessian", "Rollout", "Rotations", "Shooting", "StageRecord", "StageTable", "StartResult", "StartStatus",
     "StateSpace", "Status", "Unknown", "Vectors", "WindowCost", "WindowSystem", "Within", "adjoint",
-    "check_derivatives", "coarse_to_fine", "continuation", "controllability", "cost_along", "linearize_along_curve", "optimize",
-    "optimize_continuous", "receding_horizon", "regulate", "regulate_continuous", "resample",
+    "check_derivatives", "coarse_to_fine", "continuation", "controllability", "cost_along", "linearize_along_curve",
+    "optimize", "optimize_continuous", "receding_horizon", "regulate", "regulate_continuous", "resample",
     "solve_continuous_linear_quadratic", "solve_linear_quadratic", "steady_state_regulator", "sweep_forward",
 ]  # fmt: skip
