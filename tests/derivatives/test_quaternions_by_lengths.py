@@ -47,7 +47,10 @@ def arms(*elements: Any, held: bool = False) -> Mechanism:
     arm = ball("hip", name="arm", mass=0.5, com=(0.1, 0.03, 0.05), inertia=(0.02, 0.01, 0.015), kinematic=held)
     knee = rz({"knee": 1.3}, offset=0.2, name="shin", mass=0.4, com=(0.1, 0.0, 0.0), inertia=(0.01, 0.02, 0.02))
     hook = pose(translation=(0.05, 0.1, -0.2), name="hook")
-    tree: list[Any] = [base, [tx(0.3, name="side"), [arm, [ty(-0.2, name="bone"), [knee, [tx(0.3, name="toe")]]]], hook]]
+    tree: list[Any] = [
+        base,
+        [tx(0.3, name="side"), [arm, [ty(-0.2, name="bone"), [knee, [tx(0.3, name="toe")]]]], hook],
+    ]
     return Mechanism([*tree, tz("lift", kinematic=True, name="hand")], [Gravity(), *elements])
 
 

@@ -84,7 +84,9 @@ def test_of_a_ball_joint_is_that_of_its_three_angles() -> None:
     body = {"mass": 0.7, "com": (0.05, 0.0, -0.3), "inertia": (0.02, 0.03, 0.01)}
     runs = []
     for axes in ("quaternion", "xyz"):
-        m = Mechanism([tx("s", mass=0.3), [ball("b", axes=axes, name="body", **body)]], [Gravity(), JointSpring("s", 9.0)])
+        m = Mechanism(
+            [tx("s", mass=0.3), [ball("b", axes=axes, name="body", **body)]], [Gravity(), JointSpring("s", 9.0)]
+        )
         vi = MidpointVI(m)
         start = vi.start(m.configuration({"s": 0.1}), [0.2, 1.0, -0.5, 2.0])
         runs.append(vi.simulate(start, np.linspace(0.0, 1.0, 2001)).reactions())

@@ -31,10 +31,12 @@ from leastaction.mechanics.continuous.legendre import legendre_jacobian, solve_m
 from leastaction.mechanics.continuous.stabilisation import Drift, rates
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, IntegrationStatus
 from leastaction.mechanics.discrete.midpoint import MidpointVI
+from leastaction.mechanics.discrete.prescribed import places_of
 from leastaction.mechanics.discrete.trajectory import SimulationStatus, Trajectory
 from leastaction.mechanics.mechanism.arguments import check_same_names
 from leastaction.mechanics.mechanism.kinematics import Kinematics
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.turns import differences
 from leastaction.numerics.arrays import Array, as_array, as_flag, as_number, as_times, require_instance
 from leastaction.numerics.public import public
 
@@ -91,7 +93,7 @@ def to_discrete(
     inputs = trajectory.input(0.5 * (times[1:] + times[:-1]))[:, : m.n_inputs]
     if not sampled:
         start = integrator.start(q[0], v[0], t=float(times[0]))
-        return integrator.simulate(start, times, inputs=inputs, rho=q[:, m.nq - m.nrho :])
+        return integrator.simulate(start, times, inputs=inputs, rho=q[:, m.first_rho :])
     u = trajectory.input(times)
     lam = np.empty((len(times), m.nc))
     if m.nc:
@@ -100,7 +102,7 @@ def to_discrete(
     p = to_momentum(m, q, v)
     for k in range(1, len(times) if m.nc else 0):
         p[k] -= 0.5 * dt[k - 1] * (m.constraint_jacobian(q[k])[:, :nd].T @ lam[k])
-    v_rho = np.vstack([v[:1, nd:], np.diff(q[:, m.nq - m.nrho :], axis=0) / dt[:, None]])
+    v_rho = np.vstack([v[:1, nd:], differences(m, q[1:], q[:-1])[:, nd:] / dt[:, None]])
     impulses = -0.5 * (dt + np.concatenate([[0.0], dt[:-1]]))[:, None] * lam[:-1]
     message = "sampled from a motion in continuous time"
     return Trajectory(m, times, q, inputs, impulses, p=p, v_rho=v_rho, message=message)
@@ -137,7 +139,7 @@ def to_continuous(run: Trajectory, *, dynamics: ContinuousDynamics | None = None
         raise ArgumentError("run: got a trajectory without steps, expected at least one")
     dynamics = ContinuousDynamics(m) if dynamics is None else dynamics
     check_same_names(dynamics.mechanism, m, "dynamics")
-    rho_v, rho_a = _slopes(run.rho, run.t)
+    rho_v, rho_a = _slopes(m, run.q, run.t)
     v = to_velocity(m, run.q, run.p, rho_v, keep_constraints=True)
     inputs = _at_instants(run.inputs, run.t)
     out = dynamics.accelerations(run.q, v, inputs, rho_a, run.t)
@@ -240,9 +242,9 @@ def gain_to_continuous(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, K: Arra
 
 
 def _extrapolation(m: Mechanism, dt: float) -> Array:
-    """Return E (nrho, nx): ``rho + dt v_rho`` of a state."""
+    """Return E (nrho, ndx): ``rho + dt v_rho`` of a state, of turns ``dt v_rho``, which is what a step is given."""
     E = np.zeros((m.nrho, m.ndx))
-    E[:, m.nd : m.nv] = np.eye(m.nrho)
+    E[:, m.nd : m.nv] = np.diag(~places_of(m)[1])
     E[:, m.nv + m.nd :] = dt * np.eye(m.nrho)
     return E
 
@@ -272,14 +274,24 @@ def _gains(m: Mechanism, K: ArrayLike, T: Array, columns: int) -> Array:
     return as_array(K, "K", (*T.shape[:-2], m.n_inputs + m.nrho, columns))
 
 
-def _slopes(values: Array, t: Array) -> tuple[Array, Array]:
-    """Return first and second derivatives by time at the instants, those of a cubic spline, of second order."""
-    if not values.shape[1]:
-        return values, values
+def _slopes(m: Mechanism, q: Array, t: Array) -> tuple[Array, Array]:
+    """Return velocities and accelerations (N+1, nrho) of what is prescribed at the instants of configurations q.
+
+    Those of a cubic spline, of second order. Of quaternions too: ``w' = 2 vec(q^-1 q'')``, as ``q'^-1 q'`` is a number.
+    """
+    if not m.nrho:
+        nothing = np.zeros((len(t), 0))
+        return nothing, nothing
     from scipy.interpolate import CubicSpline  # slow to import
 
-    spline = CubicSpline(t, values)
-    return spline(t, 1), spline(t, 2)
+    spline, kinematics, still = CubicSpline(t, q[:, m.first_rho :]), Kinematics(m), np.zeros(m.first_rho)
+
+    def velocities(order: int) -> Array:
+        slopes = spline(t, order)
+        each = [kinematics.changes(at) @ np.append(still, slope) for at, slope in zip(q, slopes, strict=True)]
+        return np.array(each)[:, m.nd :]
+
+    return velocities(1), velocities(2)
 
 
 def _at_instants(values: Array, t: Array) -> Array:

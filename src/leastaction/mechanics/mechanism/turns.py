@@ -40,6 +40,13 @@ def moved_by(m: Compiled, q: Array, dq: Array) -> Array:
     return np.asarray(moved(m, q[None], dq[None])[0])
 
 
+def moved_state(m: Compiled, x: Array, dx: Array) -> Array:
+    """Return the state (nx,) that is dx (ndx,) from another, of momenta or of velocities."""
+    if not m.tree.rotations:
+        return x + dx
+    return np.asarray(_core.plus(m.core, x[None], dx[None])[0])
+
+
 def middles(m: Compiled, q: Array) -> Array:
     """Return the configurations (N, nq) in the middle of steps between q (N+1, nq)."""
     if not m.tree.rotations:
