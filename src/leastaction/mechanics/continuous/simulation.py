@@ -28,7 +28,7 @@ from leastaction.mechanics.continuous.signals import (
 )
 from leastaction.mechanics.continuous.stabilisation import Baumgarte, Projection, as_handling, check_start_consistent
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, DenseOutput, IntegrationStatus
-from leastaction.mechanics.mechanism.arguments import configuration_on
+from leastaction.mechanics.mechanism.arguments import rates, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, shape_of
@@ -221,8 +221,8 @@ def _motion(
 
 def _start(m: Mechanism, q0: object, v0: object, motion: PrescribedMotion | None, t0: float) -> Array:
     """Return the state at the start, on the prescribed motion."""
-    q = configuration_on(m, as_array(q0, "q0", (m.nq,), names=m.coordinates).copy(), "q0")
-    v = np.zeros(m.nv) if v0 is None else as_array(v0, "v0", (m.nv,), names=m.variables).copy()
+    q = single(m, q0, "q0").copy()
+    v = np.zeros(m.nv) if v0 is None else rates(m, v0, "v0").copy()
     if motion is not None:
         value, velocity = motion_at(motion, t0, m.kinematic)
         check_start(q[m.nq - m.nrho :], value, m.kinematic, "q0")

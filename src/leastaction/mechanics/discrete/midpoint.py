@@ -150,10 +150,12 @@ class MidpointVI(Integrator):
 
         Parameters
         ----------
-        q : array_like, shape (nq,)
-            Configuration; must satisfy the constraints (see `project_configuration`).
-        v : array_like, shape (nv,), optional
-            Velocity; must keep the constraints (see `project_velocity`). The momentum is ``dL/dv``.
+        q : array_like, shape (nq,), or mapping of str to float
+            Configuration; must satisfy the constraints (see `project_configuration`). By name, ``{"hip": 0.3}``, what
+            is not given is zero, and quaternions are of no rotation: as everywhere that one configuration is taken.
+        v : array_like, shape (nv,), or mapping of str to float, optional
+            Velocity, by name ``{"base.wx": 2.0}``; must keep the constraints (see `project_velocity`). The momentum is
+            ``dL/dv``.
         p : array_like, shape (nd,), optional
             Momentum of the dynamic variables, instead of a velocity.
         t : float, optional

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,7 @@ from leastaction import _core
 from leastaction.errors import NOT_YET, ArgumentError, unknown
 from leastaction.mechanics.description.tree import Tree
 from leastaction.mechanics.elements import Element, Parts
-from leastaction.numerics.arrays import Array, as_array, as_number, require_mapping, shape_of
+from leastaction.numerics.arrays import Array, as_array, row_by_name, shape_of
 
 _UNIT = 1e-6  # how far rounding of a file may take the length of a quaternion from one
 _ROUNDING = 1e-14  # and how far from one it stays as it is
@@ -53,28 +53,25 @@ def check_same_names(theirs: Compiled, ours: Compiled, what: str, advice: str = 
         raise ArgumentError(f"{what}: it is of {theirs!r} with other names, expected one of {ours!r}{advice}")
 
 
-def by_name(
-    names: Sequence[str], values: Mapping[str, float] | None, default: float, known: Mapping[str, float] | None = None
-) -> Array:
-    """Return numbers of variables (len(names),): as given by name, else as ``known``, else ``default``."""
-    given = {} if values is None else values
-    require_mapping(given, "values", "{'pole': 1.0}")
-    rest = as_number(default, "default")
-    found = dict.fromkeys(names, rest) | dict(known or {})
-    for name, value in given.items():
-        if name not in found:
-            raise unknown("variable", name, names)
-        found[name] = as_number(value, f"the value of {name!r}")
-    return np.array(list(found.values()), dtype=np.float64)
+def configuration_by_name(m: Compiled, values: Mapping[str, float], what: str = "q", rest: float = 0.0) -> Array:
+    """Return a configuration (nq,) from values by name, with quaternions of no rotation where they are not given."""
+    still = {
+        name: value
+        for rotation in m.tree.rotations
+        for name, value in zip(rotation.quaternion, (1.0, 0.0, 0.0, 0.0), strict=True)
+    }
+    return configuration_on(m, row_by_name(values, what, m.coordinates, rest, still), what)
 
 
 def single(m: Compiled, q: ArrayLike, what: str = "q") -> Array:
-    """Return one configuration (nq,)."""
+    """Return one configuration (nq,), which may be given by name."""
+    if isinstance(q, Mapping):
+        return configuration_by_name(m, q, what)
     return configuration_on(m, as_array(q, what, (m.nq,), names=m.coordinates), what)
 
 
 def rates(m: Compiled, v: ArrayLike, what: str = "v", *, rows: int | None = None) -> Array:
-    """Return velocities or the like, (nv,), or (rows, nv)."""
+    """Return velocities or the like, (nv,), which may be given by name, or (rows, nv)."""
     return as_array(v, what, (m.nv,) if rows is None else (rows, m.nv), names=m.variables)
 
 
