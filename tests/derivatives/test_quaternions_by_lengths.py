@@ -74,7 +74,7 @@ def case(elements: tuple[Any, ...], *, held: bool = False) -> tuple[Mechanism, A
     q = m.configuration({"knee": 0.4, "lift": 0.2})
     for rotation in m.tree.rotations:
         first = m.coordinates.index(rotation.quaternion[0])
-        turn = rng.standard_normal(4) + [2.0, 0.0, 0.0, 0.0]
+        turn = rng.standard_normal(4) + 2.0 * np.eye(4)[0]
         q[first : first + 4] = turn / np.linalg.norm(turn)
     q = project_configuration(m, q).q
     return m, q, project_velocity(m, q, rng.uniform(-1.5, 1.5, m.nv)).v

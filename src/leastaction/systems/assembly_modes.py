@@ -18,8 +18,8 @@ from leastaction.errors import InconsistentStartError, LeastActionError, Project
 from leastaction.mechanics.configuration.assembly import check_consistent, project_configuration, project_velocity
 from leastaction.mechanics.configuration.null_space import NullSpace
 from leastaction.mechanics.continuous.legendre import to_velocity
-from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.discrete.prescribed import held
+from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.turns import difference, moved_by
 from leastaction.numerics.arrays import Array
