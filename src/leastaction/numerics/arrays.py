@@ -12,11 +12,14 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from leastaction.errors import ArgumentError, LeastActionError, brief, unknown
 
 Array = NDArray[np.float64]
+
+Row = ArrayLike | Mapping[str, float]
+"""One row of numbers, by place or by name."""
 
 _MOST = 2**31 - 1  # of what is counted
 

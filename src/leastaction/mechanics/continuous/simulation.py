@@ -31,7 +31,7 @@ from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, De
 from leastaction.mechanics.mechanism.arguments import rates, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
-from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, shape_of
+from leastaction.numerics.arrays import Array, Row, as_array, as_count, as_number, as_times, shape_of
 from leastaction.numerics.ode import SOLVERS, March, Passage
 from leastaction.numerics.public import public
 from leastaction.numerics.signals import StateLaw
@@ -43,8 +43,8 @@ _SHORTEST = 1e-9  # of the whole time: shorter steps never end
 @public
 def simulate(
     dynamics: ContinuousDynamics | Mechanism,
-    q0: ArrayLike,
-    v0: ArrayLike | None,
+    q0: Row,
+    v0: Row | None,
     t: ArrayLike,
     *,
     inputs: ContinuousSignal = None,
@@ -219,7 +219,7 @@ def _motion(
     return None if rho is None else as_motion(rho, times, m.kinematic)
 
 
-def _start(m: Mechanism, q0: object, v0: object, motion: PrescribedMotion | None, t0: float) -> Array:
+def _start(m: Mechanism, q0: Row, v0: Row | None, motion: PrescribedMotion | None, t0: float) -> Array:
     """Return the state at the start, on the prescribed motion."""
     q = single(m, q0, "q0").copy()
     v = np.zeros(m.nv) if v0 is None else rates(m, v0, "v0").copy()

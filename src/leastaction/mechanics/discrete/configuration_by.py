@@ -5,20 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from leastaction.mechanics.configuration.assembly import check_consistent
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.sensitivity import start_by
 from leastaction.mechanics.mechanism.arguments import single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, require_instance
+from leastaction.numerics.arrays import Array, Row, require_instance
 from leastaction.numerics.names import as_names
 from leastaction.numerics.public import public
 
 
 @public
-def configuration_by(mechanism: Mechanism, q: ArrayLike, names: Sequence[str], *, hold: Sequence[str] = ()) -> Array:
+def configuration_by(mechanism: Mechanism, q: Row, names: Sequence[str], *, hold: Sequence[str] = ()) -> Array:
     """Return the derivatives (nv, len(names)) of an assembled configuration by parameters.
 
     As `project_configuration` closes the constraints again from q when a length changes a little: the variables

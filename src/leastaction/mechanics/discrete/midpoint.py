@@ -53,6 +53,7 @@ from leastaction.mechanics.mechanism.singularity import SingularityWatch
 from leastaction.mechanics.mechanism.turns import differences
 from leastaction.numerics.arrays import (
     Array,
+    Row,
     as_array,
     as_choice,
     as_count,
@@ -145,7 +146,7 @@ class MidpointVI(Integrator):
 
     # Starts
 
-    def start(self, q: ArrayLike, v: ArrayLike | None = None, *, p: ArrayLike | None = None, t: float = 0.0) -> State:
+    def start(self, q: Row, v: Row | None = None, *, p: Row | None = None, t: float = 0.0) -> State:
         """Return the state at a configuration, with a velocity, a momentum, or at rest.
 
         Parameters
@@ -189,7 +190,7 @@ class MidpointVI(Integrator):
         return state_in(m, as_number(t, "t"), x)
 
     def start_from_configurations(
-        self, q0: ArrayLike, q1: ArrayLike, dt: float, *, inputs: ArrayLike | None = None, t: float = 0.0
+        self, q0: Row, q1: ArrayLike, dt: float, *, inputs: ArrayLike | None = None, t: float = 0.0
     ) -> State:
         """Return the state at q1 of a motion that went from q0 to q1 in one step.
 

@@ -20,7 +20,7 @@ from leastaction.mechanics.discrete.step_sensitivity import momentum_by, steps_b
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.turns import momentum_derivatives, rates_turned
-from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.arrays import Array, Row, as_array
 from leastaction.numerics.differences import fourth_order
 from leastaction.numerics.public import public
 
@@ -54,7 +54,7 @@ def sensitivity(
     trajectory: Trajectory,
     names: Sequence[str],
     *,
-    v: ArrayLike | None = None,
+    v: Row | None = None,
     dx0: ArrayLike | None = None,
     hold: Sequence[str] | None = None,
 ) -> Sensitivity:

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.description.tree import WORLD
@@ -30,7 +29,7 @@ from leastaction.mechanics.mechanism.parameters import (
     parameter_value,
 )
 from leastaction.mechanics.mechanism.turns import plain_values
-from leastaction.numerics.arrays import Array, require_instance
+from leastaction.numerics.arrays import Array, Row, require_instance
 from leastaction.numerics.public import public
 
 
@@ -117,7 +116,7 @@ def by_time_step(vi: Integrator, t: Array, x: Array, u: Array, *, first_share: f
 
 
 @public
-def momentum_by(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, names: Sequence[str]) -> Array:
+def momentum_by(mechanism: Mechanism, q: Row, v: Row, names: Sequence[str]) -> Array:
     """Return the derivatives (nd, len(names)) of the momentum dL/dv by parameters, q and v held.
 
     Parameters

@@ -12,7 +12,7 @@ from leastaction import _core
 from leastaction.errors import NOT_YET, ArgumentError, unknown
 from leastaction.mechanics.description.tree import Tree
 from leastaction.mechanics.elements import Element, Parts
-from leastaction.numerics.arrays import Array, as_array, row_by_name, shape_of
+from leastaction.numerics.arrays import Array, Row, as_array, row_by_name, shape_of
 
 _UNIT = 1e-6  # how far rounding of a file may take the length of a quaternion from one
 _ROUNDING = 1e-14  # and how far from one it stays as it is
@@ -63,14 +63,14 @@ def configuration_by_name(m: Compiled, values: Mapping[str, float], what: str = 
     return configuration_on(m, row_by_name(values, what, m.coordinates, rest, still), what)
 
 
-def single(m: Compiled, q: ArrayLike, what: str = "q") -> Array:
+def single(m: Compiled, q: Row, what: str = "q") -> Array:
     """Return one configuration (nq,), which may be given by name."""
     if isinstance(q, Mapping):
         return configuration_by_name(m, q, what)
     return configuration_on(m, as_array(q, what, (m.nq,), names=m.coordinates), what)
 
 
-def rates(m: Compiled, v: ArrayLike, what: str = "v", *, rows: int | None = None) -> Array:
+def rates(m: Compiled, v: Row, what: str = "v", *, rows: int | None = None) -> Array:
     """Return velocities or the like, (nv,), which may be given by name, or (rows, nv)."""
     return as_array(v, what, (m.nv,) if rows is None else (rows, m.nv), names=m.variables)
 
@@ -128,14 +128,14 @@ def inputs_of(m: Compiled, inputs: ArrayLike | None, what: str = "inputs") -> Ar
     return np.zeros(m.n_inputs) if inputs is None else as_array(inputs, what, (m.n_inputs,), names=m.inputs)
 
 
-def batch(m: Compiled, q: ArrayLike, what: str = "q", *, rows: int | None = None) -> tuple[Array, bool]:
+def batch(m: Compiled, q: Row, what: str = "q", *, rows: int | None = None) -> tuple[Array, bool]:
     """Return q as (N, nq), and whether it was a single configuration."""
     if len(shape_of(q) or ()) == 2:
         return configuration_on(m, as_array(q, what, (rows, m.nq), names=m.coordinates), what), False
     return single(m, q, what)[None, :], True
 
 
-def batch_of_states(m: Compiled, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array, bool]:
+def batch_of_states(m: Compiled, q: Row, v: Row) -> tuple[Array, Array, bool]:
     """Return q (N, nq) and v (N, nv), and whether it was a single state."""
     values, one = batch(m, q)
     return values, rates(m, v)[None, :] if one else rates(m, v, rows=len(values)), one

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import unknown
@@ -36,7 +35,7 @@ from leastaction.mechanics.mechanism.parameters import (
 from leastaction.mechanics.mechanism.shared import check_values, joined, members_of, spread
 from leastaction.mechanics.mechanism.view import tree_view
 from leastaction.mechanics.mechanism.view_html import html_view
-from leastaction.numerics.arrays import Array, as_number, require_mapping, row_by_name
+from leastaction.numerics.arrays import Array, Row, as_number, require_mapping, row_by_name
 from leastaction.numerics.public import public
 
 
@@ -209,7 +208,7 @@ class Mechanism(Compiled):
         """
         return row_by_name(_given(values), "values", self.variables, as_number(default, "default"))
 
-    def named(self, q: ArrayLike) -> dict[str, Any]:
+    def named(self, q: Row) -> dict[str, Any]:
         """Return the entries of a configuration by name: floats, or arrays (N,) for a batch (N, nq)."""
         values, single = batch(self, q)
         columns = values.T
