@@ -28,15 +28,15 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.legendre import legendre_jacobian, solve_mass, to_momentum, to_velocity
+from leastaction.mechanics.continuous.prescribed import through_rows
 from leastaction.mechanics.continuous.stabilisation import Drift, rates
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, IntegrationStatus
 from leastaction.mechanics.discrete.midpoint import MidpointVI
-from leastaction.mechanics.discrete.prescribed import places_of
 from leastaction.mechanics.discrete.trajectory import SimulationStatus, Trajectory
 from leastaction.mechanics.mechanism.arguments import check_same_names
 from leastaction.mechanics.mechanism.kinematics import Kinematics
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.mechanics.mechanism.turns import differences
+from leastaction.mechanics.mechanism.turns import differences, prescribed_rotations
 from leastaction.numerics.arrays import Array, as_array, as_flag, as_number, as_times, require_instance
 from leastaction.numerics.public import public
 
@@ -139,7 +139,7 @@ def to_continuous(run: Trajectory, *, dynamics: ContinuousDynamics | None = None
         raise ArgumentError("run: got a trajectory without steps, expected at least one")
     dynamics = ContinuousDynamics(m) if dynamics is None else dynamics
     check_same_names(dynamics.mechanism, m, "dynamics")
-    rho_v, rho_a = _slopes(m, run.q, run.t)
+    rho_v, rho_a = _slopes(m, run.rho, run.t)
     v = to_velocity(m, run.q, run.p, rho_v, keep_constraints=True)
     inputs = _at_instants(run.inputs, run.t)
     out = dynamics.accelerations(run.q, v, inputs, rho_a, run.t)
@@ -188,7 +188,8 @@ def gain_to_discrete(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, K: ArrayL
     Deviations of the states are related by the Jacobian T of the Legendre transform, so a force input has the
     gain ``K_u T^-1``. For a prescribed variable the second difference is the acceleration,
     ``rho_next = rho + dt v_rho + dt^2 rho_a``, so with ``E dx = drho + dt dv_rho`` its gain is
-    ``dt^2 K_rho T^-1 - E``: the difference of references takes its place among ubar and xbar.
+    ``dt^2 K_rho T^-1 - E``: the difference of references takes its place among ubar and xbar. A rotation that is a
+    quaternion turns by ``dt v_rho + dt^2 rho_a``, so E dx is ``dt dv_rho`` there.
 
     Parameters
     ----------
@@ -242,9 +243,11 @@ def gain_to_continuous(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, K: Arra
 
 
 def _extrapolation(m: Mechanism, dt: float) -> Array:
-    """Return E (nrho, ndx): ``rho + dt v_rho`` of a state, of turns ``dt v_rho``, which is what a step is given."""
+    """Return E (nrho, ndx): ``rho + dt v_rho`` of a state; of rotations ``dt v_rho``, by which a step turns."""
     E = np.zeros((m.nrho, m.ndx))
-    E[:, m.nd : m.nv] = np.diag(~places_of(m)[1])
+    E[:, m.nd : m.nv] = np.eye(m.nrho)
+    for _, _, turn in prescribed_rotations(m):
+        E[turn : turn + 3] = 0.0
     E[:, m.nv + m.nd :] = dt * np.eye(m.nrho)
     return E
 
@@ -274,24 +277,12 @@ def _gains(m: Mechanism, K: ArrayLike, T: Array, columns: int) -> Array:
     return as_array(K, "K", (*T.shape[:-2], m.n_inputs + m.nrho, columns))
 
 
-def _slopes(m: Mechanism, q: Array, t: Array) -> tuple[Array, Array]:
-    """Return velocities and accelerations (N+1, nrho) of what is prescribed at the instants of configurations q.
-
-    Those of a cubic spline, of second order. Of quaternions too: ``w' = 2 vec(q^-1 q'')``, as ``q'^-1 q'`` is a number.
-    """
+def _slopes(m: Mechanism, rho: Array, t: Array) -> tuple[Array, Array]:
+    """Return velocities and accelerations (N+1, nrho) at the instants, along a cubic spline, of second order."""
     if not m.nrho:
-        nothing = np.zeros((len(t), 0))
-        return nothing, nothing
-    from scipy.interpolate import CubicSpline  # slow to import
-
-    spline, kinematics, still = CubicSpline(t, q[:, m.first_rho :]), Kinematics(m), np.zeros(m.first_rho)
-
-    def velocities(order: int) -> Array:
-        slopes = spline(t, order)
-        each = [kinematics.changes(at) @ np.append(still, slope) for at, slope in zip(q, slopes, strict=True)]
-        return np.array(each)[:, m.nd :]
-
-    return velocities(1), velocities(2)
+        return rho, rho
+    motion = through_rows(m, t, rho, degree=3)
+    return np.array([motion.at(at)[1] for at in t]), np.array([motion.acceleration(at) for at in t])
 
 
 def _at_instants(values: Array, t: Array) -> Array:

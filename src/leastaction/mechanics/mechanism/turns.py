@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from leastaction import _core
+from leastaction.mechanics.description.tree import BallRotation
 from leastaction.mechanics.mechanism.arguments import Compiled
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.rotations import logarithm_derivative
@@ -137,3 +138,22 @@ def of_coordinates(m: Compiled, of_variables: Flags) -> Flags:
     for rotation in m.tree.rotations:
         said.update(dict.fromkeys(rotation.quaternion, all(said[name] for name in rotation.variables)))
     return np.array([said[name] for name in m.coordinates], dtype=np.bool_)
+
+
+def prescribed_rotations(m: Compiled) -> list[tuple[BallRotation, int, int]]:
+    """Return prescribed rotations, where their quaternions begin behind first_rho, and their turns behind nd."""
+    if m.nq - m.first_rho == m.nrho:
+        return []
+    return [
+        (each, m.coordinates.index(each.quaternion[0]) - m.first_rho, m.kinematic.index(each.variables[0]))
+        for each in m.tree.rotations
+        if each.variables[0] in m.kinematic
+    ]
+
+
+def turns_for_quaternions(m: Compiled, places: Array) -> Array:
+    """Return prescribed coordinates (..., nq - first_rho) with zero turns for quaternions, (..., nrho)."""
+    out = np.array(places)
+    for _, place, _ in sorted(prescribed_rotations(m), key=lambda each: -each[1]):  # the last first
+        out = np.concatenate([out[..., :place], np.zeros((*out.shape[:-1], 3)), out[..., place + 4 :]], axis=-1)
+    return out
