@@ -8,7 +8,7 @@ A rotation that is a quaternion is prescribed as a curve of quaternions, and a s
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from leastaction.mechanics.mechanism.arguments import configuration_on
 from leastaction.mechanics.mechanism.mechanism import Mechanism
@@ -16,6 +16,9 @@ from leastaction.mechanics.mechanism.turns import prescribed_rotations, turns_fo
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.rotations import exponential, inverse, logarithm, product
 from leastaction.numerics.signals import Signal, signal_rows
+
+Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
 
 
 def prescribed_rows(m: Mechanism, rho: Signal, t: Array, start: Array) -> Array:
@@ -39,6 +42,18 @@ def step_to(m: Mechanism, q: Array, rho_next: ArrayLike) -> Array:
         return given
     whole = configuration_on(m, np.concatenate((q[:first], given)), "rho_next")
     return np.asarray(inputs_along(m, np.stack((q[first:], whole[first:])))[0])
+
+
+def places_of(m: Mechanism) -> tuple[Indices, Flags]:
+    """Return where prescribed variables are in a configuration (nrho,), and which of them are turns.
+
+    Of a turn where its quaternion begins: it has no value of its own, and an input is by how much it changes.
+    """
+    at = {name: i for i, name in enumerate(m.coordinates)}
+    for rotation, place, _ in prescribed_rotations(m):
+        at |= dict.fromkeys(rotation.variables, m.first_rho + place)
+    places = np.array([at[name] for name in m.kinematic], dtype=np.intp)
+    return places, np.array([name not in m.coordinates for name in m.kinematic], dtype=np.bool_)
 
 
 def inputs_along(m: Mechanism, places: Array) -> Array:

@@ -41,6 +41,13 @@ def moved_by(m: Compiled, q: Array, dq: Array) -> Array:
     return np.asarray(moved(m, q[None], dq[None])[0])
 
 
+def moved_state(m: Compiled, x: Array, dx: Array) -> Array:
+    """Return the state (nx,) that is dx (ndx,) from another, of momenta or of velocities."""
+    if not m.tree.rotations:
+        return x + dx
+    return np.asarray(_core.plus(m.core, x[None], dx[None])[0])
+
+
 def middles(m: Compiled, q: Array) -> Array:
     """Return the configurations (N, nq) in the middle of steps between q (N+1, nq)."""
     if not m.tree.rotations:
@@ -74,6 +81,55 @@ def turned(m: Compiled, dq: Array) -> Array:
         at = slice(first := m.variables.index(rotation.variables[0]), first + 3)
         found[at, at] = np.linalg.inv(logarithm_derivative(dq[at]))
     return found
+
+
+def momentum_derivatives(m: Compiled, q: Array, v: Array) -> tuple[Array, Array]:
+    """Return the derivatives (nd, nv) of the momentum dL/dv of dynamic variables by the configuration and by v (nv,).
+
+    The core's coordinates of a ball are angles (cpp/continuous/turned.hpp): rates and momenta turn with them.
+    """
+    _, by_q, by_v = m.core.hessian(q, v)
+    p, out = by_v @ v, by_q[: m.nd].copy()
+    for here in _turns(m):
+        out[:, here] -= by_v[: m.nd, here] @ turned_rates(v[here])
+        if here.start < m.nd:
+            a, b, c = p[here]
+            out[here, here] -= np.array([[0.0, c, -b], [0.0, 0.0, a], [0.0, 0.0, 0.0]])  # p . C(d, n) by n and d
+    return out, by_v[: m.nd]
+
+
+def rates_turned(m: Compiled, by: Array, v: Array) -> Array:
+    """Return what turns (.., nv) change a rate by that is ``by`` (.., nv) times the velocity v (nv,), less the core's.
+
+    That has the second derivatives by angles of balls, whose rates are others than the velocity away from zero.
+    """
+    out = np.zeros_like(by)
+    for here in _turns(m):
+        out[..., here] = -by[..., here] @ turned_rates(v[here])
+    return out
+
+
+def turned_rates(w: Array) -> Array:
+    """Return the matrix (3, 3) of turns d in ``C(d, w)`` = (d3 w2, -d3 w1, d2 w1); see cpp/continuous/turned.hpp."""
+    return np.array([[0.0, 0.0, w[1]], [0.0, 0.0, -w[0]], [0.0, w[0], 0.0]])
+
+
+def _turns(m: Compiled) -> list[slice]:
+    """Return where the turns of rotations that are quaternions are among the variables."""
+    firsts = [m.variables.index(rotation.variables[0]) for rotation in m.tree.rotations]
+    return [slice(first, first + 3) for first in firsts]
+
+
+def plain_values(m: Compiled, q: Array) -> Array:
+    """Return the values (..., nv) of variables at configurations (..., nq); zero of turns, which have none."""
+    if not m.tree.rotations:
+        return q
+    values = np.zeros((*q.shape[:-1], m.nv))
+    at = {name: i for i, name in enumerate(m.coordinates)}
+    plain = [(i, at[name]) for i, name in enumerate(m.variables) if name in at]
+    to, of = np.array(plain, dtype=np.intp).reshape(-1, 2).T
+    values[..., to] = q[..., of]
+    return values
 
 
 def of_coordinates(m: Compiled, of_variables: Flags) -> Flags:
