@@ -134,7 +134,7 @@ class CollocationSystem(DiscreteSystem):
         reference = np.ascontiguousarray(xbar[begin : pieces.stop + 1]), np.ascontiguousarray(ubar[rest])
         try:
             return begin + self.system.roll_out_pieces(
-                self.mesh.h[rest], MATRIX, reference, np.ascontiguousarray(K[rest]), x[here], u[here]
+                self.mesh.h[rest], self.mesh.t[rest], MATRIX, reference, np.ascontiguousarray(K[rest]), x[here], u[here]
             )
         except (LeastActionError, ArithmeticError):
             return begin  # what says why is asked for one piece

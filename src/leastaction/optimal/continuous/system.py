@@ -81,6 +81,7 @@ class ContinuousSystem(System):
     def roll_out_pieces(
         self,
         h: Array,  # noqa: ARG002 - overridden, all of them
+        t: Array,  # noqa: ARG002
         matrix: Array,  # noqa: ARG002
         reference: tuple[Array, Array],  # noqa: ARG002
         K: Array,  # noqa: ARG002
@@ -95,12 +96,14 @@ class ContinuousSystem(System):
         ----------
         h : ndarray (n,)
             Lengths of the pieces (s).
+        t : ndarray (n, points)
+            Times of their points (s).
         matrix : ndarray (points, points)
             Of the method.
         reference : ndarray (n+1, nz) and (n, points * nu)
             States of the discrete system, and inputs.
-        K : ndarray (n, points * nu, nz)
-            Gains.
+        K : ndarray (n, points * nu, ndz)
+            Gains, on differences of these states.
         z, u : ndarray (n+1, nz) and (n, points * nu)
             Written to, but for the first state, which is given.
         """

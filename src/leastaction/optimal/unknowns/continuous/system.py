@@ -190,7 +190,7 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
     # ---- Pieces -----------------------------------------------------------------------------------
 
     def roll_out_pieces(
-        self, h: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
+        self, h: Array, t: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
     ) -> int:
         """Let the system do it, where it does not depend on time: of constants the feedback is known beforehand."""
         if (self.time_at is not None and not self.system.autonomous) or K[:, :, self.nx :].any():
@@ -213,7 +213,7 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
         own_z[0] = taken(z[:1])[0]
         moved = ubar - np.einsum("kij,kj->ki", gain, off)
         done: int = self.at(values).roll_out_pieces(
-            h * self.pace(values), matrix, (taken(zbar), np.ascontiguousarray(moved)), own_K, own_z, own_u
+            h * self.pace(values), t, matrix, (taken(zbar), np.ascontiguousarray(moved)), own_K, own_z, own_u
         )
         if not done:
             return 0
