@@ -54,10 +54,11 @@ def plot_residuals(run: Source, *, title: str = "") -> Figure:
     motion = motion_of(run, "plot_residuals")
     m = motion.mechanism
     sets: list[tuple[str, Sequence[str], Array, Array]] = []
-    h = np.array([m.core.constraints(np.ascontiguousarray(q)) for q in motion.q]).reshape(len(motion.t), m.nc)
+    then = [m.at_time(t) for t in motion.t]
+    h = np.array([at.constraint_values(q) for at, q in zip(then, motion.q, strict=True)]).reshape(len(motion.t), m.nc)
     sets += _of_each_unit("constraint", motion, motion.t, h)
     if isinstance(motion, ContinuousTrajectory):
-        rates = [m.constraint_jacobian(q) @ v for q, v in zip(motion.q, motion.v, strict=True)]
+        rates = [at.constraint_rates(q, v) for at, q, v in zip(then, motion.q, motion.v, strict=True)]
         rates_of = np.array(rates).reshape(len(motion.t), m.nc)
         sets += _of_each_unit("its rate", motion, motion.t, rates_of, per="/s")
     t, lacking = _lacking(motion)
@@ -113,7 +114,8 @@ def _impulses(run: Trajectory) -> tuple[Array, Array, Array]:
     slopes = [m.core.gradient(q, v, t) for q, v, _, t in states]
     L_q, L_v = (np.array([slope[i] for slope in slopes]).reshape(len(dt), m.nq)[:, : m.nd] for i in (0, 1))
     f = np.array([m.core.force(q, v, u, t=t) for q, v, u, t in states]).reshape(len(dt), m.nq)[:, : m.nd]
-    held = [m.constraint_jacobian(q)[:, : m.nd].T @ lam for q, lam in zip(run.q[:-1], run.lam, strict=True)]
+    instants = zip(run.t[:-1], run.q[:-1], run.lam, strict=True)
+    held = [m.at_time(t).constraint_jacobian(q)[:, : m.nd].T @ lam for t, q, lam in instants]
     after = dt * (0.5 * L_q + shares[1] * f) + L_v  # D2Ld + fd+
     before = dt * (0.5 * L_q + shares[0] * f) - L_v  # D1Ld + fd-
     return after, before, np.array(held).reshape(len(dt), m.nd)

@@ -135,7 +135,10 @@ def driving_force(vi: Integrator, trajectory: Trajectory) -> Array:
     before = h * L_q / 2.0 - L_v + shares[0] * h * f  # D1Ld + fd-
     after = h * L_q / 2.0 + L_v + shares[1] * h * f  # D2Ld + fd+
     held = np.array(
-        [m.constraint_jacobian(q)[:, m.nd :].T @ lam for q, lam in zip(run.q[:-1], run.lam, strict=True)]
+        [
+            m.at_time(t).constraint_jacobian(q)[:, m.nd :].T @ lam
+            for t, q, lam in zip(run.t[:-1], run.q[:-1], run.lam, strict=True)
+        ]
     ).reshape(len(dt), m.nrho)
     impulses = -(after[:-1] + before[1:] - held[1:])
     force: Array = 2.0 * impulses / (h[:-1] + h[1:])

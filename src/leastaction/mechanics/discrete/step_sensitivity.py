@@ -253,5 +253,5 @@ def _momenta_of(vi: Integrator, t: Array, x: Array, u: Array, lam: Array, first_
         p, end[k] = vi.core.momenta(
             q, np.ascontiguousarray(x[k + 1, : m.nq]), u[k, : m.n_inputs].copy(), dt, share, t[k]
         )
-        start[k] = -p - lam[k] @ m.constraint_jacobian(q)
+        start[k] = -p - lam[k] @ m.at_time(t[k]).constraint_jacobian(q)
     return start, end
