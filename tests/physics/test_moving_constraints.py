@@ -228,7 +228,7 @@ def test_they_are_steered_in_both_kinds_of_time() -> None:
     smooth = ContinuousQuadraticCost(np.zeros(4), np.zeros(1), Q=Q, R=R, Q_final=last)
     along = optimize(MechanismSystem(m), smooth, horizon=(0.0, 1.0), initial=(np.concatenate([q, v]), np.zeros(1)))
     assert along.status.name == "CONVERGED"
-    assert along.cost == pytest.approx(found.cost, rel=2e-2)
+    assert along.cost == pytest.approx(found.cost, rel=4e-2)
 
 
 def test_a_free_start_stays_on_what_moves() -> None:

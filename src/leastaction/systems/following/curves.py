@@ -9,6 +9,7 @@ import numpy as np
 from leastaction.mechanics.configuration.assembly import project_velocity
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.legendre import to_momentum
+from leastaction.mechanics.discrete.prescribed import inputs_along
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.turns import differences, middles, moved_by, rates_along
@@ -70,7 +71,7 @@ def wanted_curve(system: MidpointSystem, wanted: Mapping[str, Array], start: Sta
         at_rest = project_velocity(m.at_time(t[0]), q[0], np.zeros(m.nv)).v  # or as the constraints move
         start = system.integrator.start(q[0], at_rest, t=float(t[0]))
     x[0, : m.nx] = start.x
-    return x, np.hstack([np.zeros((system.N, m.n_inputs)), q[1:, m.nq - m.nrho :]])
+    return x, np.hstack([np.zeros((system.N, m.n_inputs)), inputs_along(m, q[:, m.first_rho :])])
 
 
 def held_still(system: MidpointSystem, x: Array) -> tuple[Array, Array]:
@@ -78,7 +79,7 @@ def held_still(system: MidpointSystem, x: Array) -> tuple[Array, Array]:
     m, still = system.mechanism, np.zeros_like(x)
     still[:, : m.nq] = x[0, : m.nq]
     still[0] = x[0]
-    u = np.hstack([np.zeros((system.N, m.n_inputs)), still[1:, m.nq - m.nrho : m.nq]])
+    u = np.hstack([np.zeros((system.N, m.n_inputs)), inputs_along(m, still[:, m.first_rho : m.nq])])
     return still, with_inputs(system, still, u) if m.n_inputs else u
 
 
