@@ -43,7 +43,7 @@ def constraint_jacobian(m: Compiled, q: Row) -> Array:
 def constraint_rates(m: Compiled, q: Row, v: Row) -> Array:
     """Return the rates (nc,) of the constraints at q (nq,) and v (nv,): ``Dh v``, and dh/dt where they move by time."""
     here, speed = single(m, q), rates(m, v)
-    return constraint_jacobian(m, here) @ speed + m.core.constraint_drift(here)[0]
+    return np.asarray(constraint_jacobian(m, here) @ speed + m.core.constraint_drift(here)[0])
 
 
 def constraint_rank(m: Compiled, q: Row) -> int:
