@@ -90,7 +90,7 @@ class Cost(ABC):
 
     def value(self, x: Array, u: Array) -> float:
         """Return the cost of ``x`` (N+1, nx), ``u`` (N, nu)."""
-        return float(np.sum(self.stage_values(x[:-1], u, 0))) + self.final_value(x[-1])
+        return float(np.add.reduce(self.stage_values(x[:-1], u, 0), axis=None)) + self.final_value(x[-1])
 
     def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
         """Return the cost of the stages ``start .. stop-1`` of a horizon of N with nu inputs, as a cost of its own.
