@@ -26,7 +26,6 @@ from leastaction.mechanics import (
     Mechanism,
     TendonForce,
     ball,
-    free,
     rx,
     ry,
     rz,
@@ -59,8 +58,8 @@ from leastaction.numerics.public import public
 
 __all__ = [
     "CONTROLS", "HOOK_REACH", "JOINT_LIMITS", "NINE_STRINGS", "PLANE_HEIGHT", "REST", "STRINGS", "STRING_SETS",
-    "UNHELD", "Bar", "Control", "Count", "Hanging", "PuppetString", "TiedString", "bars_of", "hang_strings",
-    "held_strings", "marionette", "rest_pose", "set_of", "string_lengths", "strings_of", "tie_strings",
+    "UNHELD", "Bar", "Control", "Count", "Hanging", "PuppetString", "TiedString", "axes_of", "bars_of", "hang_strings",
+    "heading", "held_strings", "marionette", "rest_pose", "set_of", "string_lengths", "strings_of", "tie_strings",
     "tied_strings", "turns_of_angles",
 ]  # fmt: skip
 
@@ -116,8 +115,8 @@ def marionette(
         as its number if it is tied to a bar; or its tension, as an input of the string's name (N, positive where it
         pulls). `PulledSystem` makes the same motions of the second that `MidpointSystem` makes of the first.
     axes : {"zyx", "quaternion"}, optional
-        How pelvis, hips and shoulders turn: by three angles, or as joints ``"torso"``, ``"lhip"``, ``"rhip"``,
-        ``"lshoulder"`` and ``"rshoulder"`` that no attitude is special to; `turns_of_angles` says one by the other.
+        How pelvis, hips and shoulders turn: by three angles, or as ball joints ``"torso"``, ``"lhip"``, ``"rhip"``,
+        ``"lshoulder"`` and ``"rshoulder"``, to which no attitude is special; `turns_of_angles` says one by the other.
 
     Raises
     ------
@@ -155,11 +154,9 @@ def marionette(
             tx(HOOK_REACH, name="lower_torso_string_hook"),
         ],
     ]  # fmt: skip
-    by_angles = [
-        tx("torso_tx"),
-        [ty("torso_ty"), [tz("torso_tz"), [*_turning("torso", body, turning=False, **pelvis)]]],
-    ]
-    puppet = [free("torso", axes="quaternion", **pelvis), body] if turning else by_angles
+    puppet = [
+        tx("torso_tx"), [ty("torso_ty"), [tz("torso_tz"), _turning("torso", body, turning=turning, **pelvis)]],
+    ]  # fmt: skip
     upper_ends: list[Any] = []
     hands = [string for string in table if isinstance(string, PuppetString)]
     for string in hands:
@@ -275,6 +272,36 @@ def rest_pose(mechanism: Mechanism) -> npt.NDArray[np.float64]:
 
 
 @public
+def axes_of(mechanism: Mechanism) -> Literal["zyx", "quaternion"]:
+    """Return how pelvis, hips and shoulders of a marionette turn; ``mechanism``: from `marionette`."""
+    return "quaternion" if mechanism.tree.rotations else "zyx"
+
+
+@public
+def heading(mechanism: Mechanism, q: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return how far the pelvis is turned to the left from facing along y (rad).
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        From `marionette`.
+    q : array_like, shape (nq,) or (N, nq)
+        Configurations; those of a motion in order.
+
+    Returns
+    -------
+    ndarray, shape () or (N,)
+        The turn about the vertical that is left of its attitude when it has been brought upright by the shortest way,
+        without jumps from one configuration to the next.
+    """
+    q, order = np.asarray(q, dtype=np.float64), mechanism.coordinates
+    if not mechanism.tree.rotations:
+        return np.asarray(q[..., order.index("torso_rz")])
+    half = np.arctan2(q[..., order.index("torso.qz")], q[..., order.index("torso.qw")])
+    return np.asarray(2.0 * (np.unwrap(half, period=np.pi) if half.ndim else np.arctan(np.tan(half))))
+
+
+@public
 def hang_strings(mechanism: Mechanism, q: npt.ArrayLike, *, ahead: float = 0.0) -> npt.NDArray[np.float64]:
     """Return configurations with every string that a hand holds taut, straight above its hook or slanted ahead.
 
@@ -315,11 +342,7 @@ def hang_strings(mechanism: Mechanism, q: npt.ArrayLike, *, ahead: float = 0.0) 
         )
     result = np.array(q, dtype=np.float64)
     order = {name: index for index, name in enumerate(mechanism.coordinates)}
-    if mechanism.tree.rotations:
-        facing = mechanism.frame_pose(q, "pelvis")[..., :2, 1]
-        yaw, torso = np.arctan2(-facing[..., 0], facing[..., 1]), ("torso.x", "torso.y")
-    else:
-        yaw, torso = result[..., order["torso_rz"]], ("torso_tx", "torso_ty")
+    yaw = heading(mechanism, q)
     for i, string in enumerate(strings):
         if not isinstance(string, PuppetString):
             continue
@@ -330,7 +353,7 @@ def hang_strings(mechanism: Mechanism, q: npt.ArrayLike, *, ahead: float = 0.0) 
     for bar in bars_of(mechanism):
         x, y, _ = bar.places
         result[..., [order[name] for name in bar.variables]] = 0.0
-        result[..., order[x]] = result[..., order[torso[0]]] - bar.ahead * np.sin(yaw)
-        result[..., order[y]] = result[..., order[torso[1]]] + bar.ahead * np.cos(yaw)
+        result[..., order[x]] = result[..., order["torso_tx"]] - bar.ahead * np.sin(yaw)
+        result[..., order[y]] = result[..., order["torso_ty"]] + bar.ahead * np.cos(yaw)
         result[..., order[bar.angles[0]]] = yaw
     return result

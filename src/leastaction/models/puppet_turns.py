@@ -28,16 +28,12 @@ def turns_of_angles(values: Mapping[str, ArrayLike]) -> dict[str, Array]:
     Returns
     -------
     dict of str to ndarray
-        The place of the torso as ``"torso.x"`` and so on, all else by its name, and of every joint of which an angle is
-        given unit quaternions, scalar first: (N+1, 4) by the joint's name, as `leastaction.follow` takes them; of
-        single numbers by coordinate, as `Mechanism.configuration` does.
+        All else by its name, and of every joint of which an angle is given unit quaternions by their numbers, such as
+        ``"lshoulder.qw"``: without jumps where values are over time.
     """
     require_mapping(values, "values", "{'lshoulder_rx': 1.0}")
     given = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
     found = {name: value for name, value in given.items() if not _of_turns(name)}
-    for letter in "xyz":
-        if f"torso_t{letter}" in found:
-            found[f"torso.{letter}"] = found.pop(f"torso_t{letter}")
     for joint in _TURNED:
         angles = [given.get(f"{joint}_r{letter}") for letter in "zyx"]
         if any(angle is not None for angle in angles):
@@ -47,10 +43,9 @@ def turns_of_angles(values: Mapping[str, ArrayLike]) -> dict[str, Array]:
                 for each, axis in zip(vectors, np.eye(3)[::-1], strict=True)
             )
             turn = rotations.product(rotations.product(z, y), x)
-            if turn.ndim > 1:
-                found[joint] = turn
-            else:
-                found |= dict(zip((f"{joint}.q{letter}" for letter in "wxyz"), turn, strict=True))
+            if turn.ndim > 1:  # which of two quaternions stands for a rotation
+                turn[1:] *= np.cumprod(np.sign(np.sum(turn[1:] * turn[:-1], axis=1)))[:, None]
+            found |= {f"{joint}.q{letter}": turn[..., i] for i, letter in enumerate("wxyz")}
     return found
 
 
