@@ -97,10 +97,6 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
         for (int k = 0; k < nk; ++k) y[at_rho2 + k] = -step.end_gradients()[c * nq + nd + k];
         y[at_h + c] = -1.0;  // a shift of h: F2 = h + s
     }
-    instant_.assign(turns ? nq : 0, 0.0);
-    if (turns)
-        for_each_entry(mechanism.instant_forces, step.instant(), force_,
-                       [&](int i, double f) { instant_[i] += step.share * f; });
     for (const Ball& ball : mechanism.balls) {
         if (ball.prescribed) {
             const GivenTurning::Matrix36 end = GivenTurning(&step.q2[ball.variable]).end_slope();
@@ -115,7 +111,10 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
             }
             continue;
         }
-        Eigen::Vector3d slope = -Eigen::Map<const Eigen::Vector3d>(&instant_[ball.variable]);
+        Eigen::Vector3d slope = Eigen::Vector3d::Zero();
+        for_each_entry(mechanism.instant_forces, step.instant(), force_, [&](int i, double f) {
+            if (i >= ball.variable && i < ball.variable + 3) slope[i - ball.variable] -= step.share * f;
+        });
         for (int c = 0; c < nc; ++c)
             for (int i = 0; i < 3; ++i) slope[i] += step.lam[c] * step.start_gradients()[c * nq + ball.variable + i];
         const Eigen::Matrix3d bend = chart_bend(slope);

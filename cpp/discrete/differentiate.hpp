@@ -32,7 +32,6 @@ private:
 
     LocalTaylor<double> local_;
     LocalForce<double> force_;
-    std::vector<double> instant_;  // of forces at the instants, by variable, where rotations are quaternions
 };
 
 }  // namespace leastaction

@@ -36,6 +36,7 @@ class TrackingCost(CostOfAccelerations):
         acceleration: float | Array,
     ) -> None:
         m, each = system.mechanism, np.arange(system.mechanism.nrho)
+        self.Q, self.R = Q, R
         super().__init__(
             QuadraticCost(x_reference, u_reference, Q=Q, R=R, space=system.space),
             dt=np.diff(system.t),

@@ -48,8 +48,7 @@ class PoseSearch:
         self.plan, self.mechanism, self.more = plan, plan.mechanism, more
         self.ties = plan.ties if tied else None
         cost, strings = plan.tracking_cost(), len(plan.strings)
-        Q, R, _, _ = cost.cost.hessian(plan.x_reference, plan.u_reference)
-        self.scale = np.sqrt(np.concatenate([Q[: self.mechanism.nv], R[:strings]]))
+        self.scale = np.sqrt(np.concatenate([cost.Q[: self.mechanism.nv], cost.R[:strings]]))
         self.still = np.zeros(self.mechanism.nv)
         places = plan.problem.mechanism.coordinates
         self.columns = [places.index(name) for name in self.mechanism.coordinates]
