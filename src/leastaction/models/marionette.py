@@ -175,7 +175,7 @@ def marionette(
         [Gravity((0.0, 0.0, -9.8)), Damping(damping), *pulls],
         kinematic=[*kinematic, *(name for bar in bars for name in bar.variables)],
     )
-    return tie_strings(result, hang_strings(result, np.zeros(result.nq))) if bars and by == "length" else result
+    return tie_strings(result, hang_strings(result, result.configuration())) if bars and by == "length" else result
 
 
 @public

@@ -46,7 +46,8 @@ class TrackingCost(CostOfAccelerations):
             rho=m.first_rho + each,
             v_rho=m.nq + m.nd + each,
             rho_next=m.n_inputs + each,
-            turned=m.nq - m.nv,
+            ndx=system.ndx,
+            moves=np.stack([m.nd + each, m.nv + m.nd + each]),
         )
 
     def eased(self, ease: float) -> None:  # noqa: ARG002

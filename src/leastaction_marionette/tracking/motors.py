@@ -16,7 +16,6 @@ import numpy as np
 
 from leastaction.errors import ProjectionError
 from leastaction.io import Motion
-from leastaction.mechanics import ContinuousDynamics, differences, middles, rates_along
 from leastaction.numerics import Array, smooth_rise
 from leastaction.optimal import IterationRecord, OptimizationResult, Status
 from leastaction_marionette.tracking.found import Effort
@@ -188,15 +187,25 @@ def _within(plan: TrackingPlan, result: OptimizationResult, stated: frozenset[st
 def driven(plan: TrackingPlan, q: Array, tensions: Array) -> tuple[Array, Array]:
     """Return a motion q (N+1, nq) from rest with the motors that make it: behind the tensions among the inputs.
 
-    They are what inverse dynamics asks for in the middle of each step, of a motion that begins at rest: what begins
-    fast is picked up within a few steps.
+    Of two configurations each step of the midpoint rule says with which momenta it begins and ends; both are linear in
+    what the motors give. What begins fast is picked up within a few steps.
     """
-    m, dt = plan.mechanism, plan.dt
-    q = on_the_way(m.coordinates, q[0], q, smooth_rise(np.arange(len(plan.t)) / _SET_OUT)[:, None])
-    states, v = plan.states(q), rates_along(m, q, plan.t)
-    v[0] = 0.0
-    states[0, m.nq : m.nq + m.nd] = plan.x_reference[0, m.nq : m.nq + m.nd]
-    needed = ContinuousDynamics(m).inverse_dynamics(
-        middles(m, q), differences(m, q[1:], q[:-1]) / dt, np.diff(v, axis=0) / dt, u=tensions
+    m, dt, core = plan.mechanism, plan.dt, plan.by_motors.integrator.core
+    q = np.ascontiguousarray(
+        on_the_way(m.coordinates, q[0], q, smooth_rise(np.arange(len(plan.t)) / _SET_OUT)[:, None])
     )
-    return states, np.hstack([tensions, needed[:, : m.nd], q[1:, m.first_rho :]])
+    motors, states = np.empty((len(tensions), m.nd)), plan.states(q)
+    p = plan.x_reference[0, m.nq : m.nq + m.nd]
+    for k, pull in enumerate(tensions):
+        states[k, m.nq : m.nq + m.nd] = p
+
+        def ends(forces: Array, k: int = k, pull: Array = pull) -> Array:
+            both = core.momenta(q[k], q[k + 1], np.concatenate([pull, forces]), dt, (0.5 if k == 0 else 1.0) * dt)
+            return np.stack(both)[:, : m.nd]
+
+        free = ends(np.zeros(m.nd))
+        by_start, by_end = np.stack([ends(one) - free for one in np.eye(m.nd)], axis=2)
+        motors[k] = np.linalg.solve(by_start, p - free[0])
+        p = free[1] + by_end @ motors[k]
+    states[-1, m.nq : m.nq + m.nd] = p
+    return states, np.hstack([tensions, motors, q[1:, m.first_rho :]])

@@ -190,7 +190,7 @@ def body_columns(mechanism: Mechanism, motion: Motion) -> Array:
             "leastaction.models.marionette. For another mechanism use MidpointSystem and optimize"
         )
     names, columns = body_of(mechanism), dict(zip(motion.names, motion.q.T, strict=True))
-    if not set(names) <= set(columns):
+    if mechanism.tree.rotations and not set(names) <= set(columns):
         columns = dict(turns_of_angles(columns))
     for name in names:
         if name not in columns:
