@@ -33,6 +33,7 @@ from leastaction_marionette.markers import MARKERS, wanted_markers, with_places
 from leastaction_marionette.tracking.found import Effort, FollowedParts, TrackingRun, TrackingSearch
 from leastaction_marionette.tracking.limits import KINDS, PuppetLimits
 from leastaction_marionette.tracking.motors import PRICES
+from leastaction_marionette.tracking.problem import body_columns
 from leastaction_marionette.turns import body_of
 
 
@@ -139,7 +140,7 @@ def save_search(path: str | os.PathLike[str], search: TrackingSearch) -> Path:
         source=search.motion.source,
         numbers=_numbers(search.mechanism),
         t=search.motion.t,
-        body=search.motion.columns(body_of(search.mechanism)),
+        body=body_columns(search.mechanism, search.motion),
         stage=search.stage,
         result=search.result,
         strings=search.mechanism.nc,

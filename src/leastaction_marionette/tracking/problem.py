@@ -95,12 +95,13 @@ class TrackingProblem:
         m = self.mechanism
         if tied_strings(m):
             return None
-        run = self.integrator.simulate(
-            self.integrator.start(self.reference[0]), self.t, rho=self.reference[:, m.first_rho :]
-        )
-        if run.steps < len(self.t) - 1:
+        system, x = self.system, self.x_reference
+        held = np.zeros((system.N, system.nu, system.ndx))
+        run = system.rollout(x[0], x, self.reference[1:, m.first_rho :], held, 0, system.N)
+        if not run.complete:
             return None
-        rms = np.sqrt(np.mean(differences(m, run.q, self.reference)[:, : m.nd] ** 2, axis=0))
+        q = np.ascontiguousarray(run.x[:, : m.nq])
+        rms = np.sqrt(np.mean(differences(m, q, self.reference)[:, : m.nd] ** 2, axis=0))
         far = [
             error > (_GOOD_START_DISTANCE if name in ROOT else _GOOD_START_ANGLE)
             for name, error in zip(m.dynamic, rms, strict=True)
@@ -108,8 +109,7 @@ class TrackingProblem:
         ]
         if any(far):
             return None
-        x = np.vstack([self.x_reference[:1], np.hstack([run.x[1:], run.lam])])
-        return x, run.u
+        return run.x, run.u
 
     def with_markers(self, cost: TrackingCost, system: MidpointSystem) -> Cost:
         """Return a tracking cost of a system with the price of where the markers are, if they are followed."""
