@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from leastaction.control.rigs.strings import stretch_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.systems.midpoint import MidpointSystem
-from leastaction.systems.rigs.rig import Rig
-from leastaction.systems.rigs.strings import stretch_of
+from leastaction.systems.rig import Rig
 
 
 class ReeledIn(NamedTuple):
