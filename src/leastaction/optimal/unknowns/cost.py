@@ -48,7 +48,7 @@ class ExtendedCost(Cost):
     def hessian(self, x: Array, u: Array) -> CostHessian:
         return self._extended(self.cost.hessian(read_only(self.system.own(x)), u), self.weight)
 
-    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+    def own_convex_hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the cost's own, and a curvature of the final time, which the cost is linear in.
 
         Of a motion that begins at rest no model tells how much longer it should last: with that of ``T log T`` steps

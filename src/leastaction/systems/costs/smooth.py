@@ -51,9 +51,8 @@ class CostOfAccelerations(AddedCost):
         self.dt, self.weights = read_only(dt), read_only(weights)
         self.rho, self.v_rho, self.rho_next = rho, v_rho, rho_next
 
-    def stage_values(self, x: Array, u: Array, start: int) -> Array:
-        squares = self._accelerations(x, u, start) ** 2 @ self.weights
-        return np.asarray(self.cost.stage_values(x, u, start) + 0.5 * squares)
+    def stage_prices(self, x: Array, u: Array, start: int) -> Array:
+        return np.asarray(0.5 * (self._accelerations(x, u, start) ** 2 @ self.weights))
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
         q, r, q_final = self.cost.gradient(x, u)
@@ -68,7 +67,7 @@ class CostOfAccelerations(AddedCost):
         """Return the second derivatives: matrices, one for each stage where steps are not all as long."""
         return self._with_price(self.cost.hessian(x, u), x, u)
 
-    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+    def own_convex_hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the other cost's, with the price, which is convex; see `Cost`."""
         return self._with_price(self.cost.convex_hessian(x, u), x, u)
 
@@ -88,7 +87,7 @@ class CostOfAccelerations(AddedCost):
         Q_more, R_more, cross = (part[0] if n == 1 else part for part in (by_states, by_inputs, cross))
         return CostHessian(matrix_of(Q) + Q_more, matrix_of(R) + R_more, cross if S is None else S + cross, Q_final)
 
-    def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
+    def own_window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
         result = self._beside(self.cost.window(start, stop, N=N, nu=nu), stop - start)
         result.dt = self.dt[start:stop]
         return result
