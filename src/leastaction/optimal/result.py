@@ -370,7 +370,11 @@ class OptimizationResult(Frozen, Savable):
         return ("",) * len(self.input_names) if self.system is None else self.system.input_units
 
     def dataset(self) -> Dataset:
-        return dataset_of(self, self, steps=STEP)
+        found = self.own_dataset()
+        return dataset_of(self, self, steps=STEP) if found is None else found
+
+    def own_dataset(self) -> Dataset | None:
+        """Return the same of a result that has more than a file holds of its fields."""
 
     @property
     def iterations(self) -> int:

@@ -80,7 +80,7 @@ class FreeStart:
         values, vectors = np.linalg.eigh(bend)
         least = float(values[0])
         if least >= -little:
-            self.flat = self.system.unknowns_along(np.abs(Z @ vectors[:, values <= little]).max(axis=1))
+            self.flat = self.system.unknowns_along(np.abs(Z @ vectors[:, values <= little]).max(axis=1)) or []
         message = f"P is not positive definite over the free initial state (smallest eigenvalue {least:.3g})."
         return replace(model, definite=False, stage=0, message=message)
 

@@ -11,7 +11,8 @@ from leastaction.errors import LeastActionError, ProjectionError, StepError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.linear_quadratic import Workspace, regulate
 from leastaction.optimal.discrete.projection import linearize_along_curve
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
+from leastaction.optimal.discrete.rollout import Rollout
+from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.iterates.models import Models
 from leastaction.optimal.space import StateSpace, apart
 

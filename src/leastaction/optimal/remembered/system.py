@@ -10,11 +10,12 @@ from typing import Any, cast
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, linearized
+from leastaction.optimal.discrete.rollout import Rollout
+from leastaction.optimal.discrete.system import DiscreteSystem, derivatives_by, linearized, with_parameters
 from leastaction.optimal.looking_back import BEFORE, LookingBack, Need, OwnQuantity, Recalled, needs_of
 from leastaction.optimal.quantity import Entries, Instants, Quantity
 from leastaction.optimal.space import ProductSpace, Vectors
-from leastaction.optimal.system import Linearization
+from leastaction.optimal.system import Linearization, returning_entries, returning_name, second_derivative
 
 
 class RememberingSystem(DiscreteSystem):
@@ -28,6 +29,7 @@ class RememberingSystem(DiscreteSystem):
         self.system, self.needs, self.returning = system, tuple(needs), frozenset(returning)
         self.n_own, self.d_own, self.N, self.nu = system.nx, system.ndx, system.N, system.nu
         self.nx, self.has_curvature = system.nx + len(needs), system.has_curvature
+        self.quantities, self.beside = system.quantities, system.beside
         charts = system.charts()
         if charts is not None:
             self.space = ProductSpace(charts, Vectors(len(needs)))
@@ -75,18 +77,18 @@ class RememberingSystem(DiscreteSystem):
         return A[0], B[0]
 
     def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
-        own = self.system.curvature(self.own(x), u, k, np.ascontiguousarray(z[: self.d_own]))
+        own = second_derivative(self.system, self.own(x), u, k, np.ascontiguousarray(z[: self.d_own]))
         return np.asarray(self._bent(own[None])[0])
 
-    def step_each(self, x: Array, u: Array) -> Rollout:
+    def own_step_each(self, x: Array, u: Array) -> Rollout:
         made = self.system.step_each(self.own(x), u)
         n = len(made.x)
         return replace(made, x=self._with(made.x, x[:n], u[:n]))
 
-    def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
+    def own_linearize(self, x: Array, u: Array, out: Linearization | None) -> Linearization:
         return self._around(linearized(self.system, self.own(x), u, None if out is None else out.memory))
 
-    def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
+    def own_linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
         return self._around(self.system.linearize_each(self.own(x), u, self.own(ends)))
 
     def _around(self, own: Linearization) -> Linearization:
@@ -120,11 +122,11 @@ class RememberingSystem(DiscreteSystem):
 
     # ---- Its start --------------------------------------------------------------------------------
 
-    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
+    def own_start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
         own = self._above(self.system.start_directions(self.own(x), free))
         return np.hstack([own, np.eye(self.ndx)[:, self.d_own + self._returning()]])
 
-    def moved_start(self, x: Array, dx: Array) -> Array:
+    def own_moved_start(self, x: Array, dx: Array) -> Array:
         own = self.system.moved_start(self.own(x), np.ascontiguousarray(dx[: self.d_own]))
         return np.concatenate([own, x[self.n_own :] + dx[self.d_own :]])
 
@@ -135,10 +137,11 @@ class RememberingSystem(DiscreteSystem):
     def check_start(self, x: Array) -> None:
         self.system.check_start(self.own(x))
 
-    def idle_directions(self, x: Array) -> Array:
-        return self._above(self.system.idle_directions(self.own(x)))
+    def idle_directions(self, x: Array) -> Array | None:
+        own = self.system.idle_directions(self.own(x))
+        return None if own is None else self._above(own)
 
-    def unknowns_along(self, dx: Array) -> list[str]:
+    def unknowns_along(self, dx: Array) -> list[str] | None:
         return self.system.unknowns_along(dx[: self.d_own])
 
     def _above(self, rows: Array) -> Array:
@@ -148,20 +151,21 @@ class RememberingSystem(DiscreteSystem):
     # ---- Parameters -------------------------------------------------------------------------------
 
     @property
-    def parameters(self) -> Mapping[str, float]:
+    def parameters(self) -> Mapping[str, float]:  # type: ignore[override]
+        """Those of the system."""
         return self.system.parameters
 
     def with_parameters(self, values: Mapping[str, float]) -> DiscreteSystem:
-        return RememberingSystem(self.system.with_parameters(values), self.needs, self.returning)
+        return RememberingSystem(with_parameters(self.system, values), self.needs, self.returning)
 
     def with_parameters_near(self, values: Mapping[str, float]) -> DiscreteSystem:
-        return RememberingSystem(self.system.with_parameters_near(values), self.needs, self.returning)
+        return RememberingSystem(with_parameters(self.system, values, near=True), self.needs, self.returning)
 
-    def conditions_of(self, names: Sequence[str]) -> list[Quantity]:
+    def conditions_of(self, names: Sequence[str]) -> list[Quantity] | None:
         return self.system.conditions_of(names)
 
     def differentiate_by(self, x: Array, u: Array, names: Sequence[str], start: int = 0) -> Array:
-        own = self.system.differentiate_by(self.own(x), u, names, start)
+        own = derivatives_by(self.system, self.own(x), u, names, start)
         return np.concatenate([own, np.zeros((len(own), len(self.needs), own.shape[2]))], axis=1)
 
     def curvature_by_parameters(
@@ -179,46 +183,35 @@ class RememberingSystem(DiscreteSystem):
         own = self.system.curvature_by_final_time(self.own(x), u, weights, start)
         return None if own is None else self._bent(own, 1)
 
-    def start_by_parameters(self, x: Array, names: Sequence[str], free: bool | Sequence[str]) -> Array:
-        return self._above(self.system.start_by_parameters(self.own(x), names, free))
+    def start_by_parameters(self, x: Array, names: Sequence[str], free: bool | Sequence[str]) -> Array | None:
+        own = self.system.start_by_parameters(self.own(x), names, free)
+        return None if own is None else self._above(own)
 
     # ---- What it is asked -------------------------------------------------------------------------
 
-    def when(self, k: int) -> str:
+    def own_when(self, k: int) -> str:
         return self.system.when(k)
 
-    def time(self, k: int) -> float:
+    def own_time(self, k: int) -> float:
         return self.system.time(k)
 
-    def input_name(self, i: int) -> str:
+    def own_input_name(self, i: int) -> str:
         return self.system.input_name(i)
-
-    def instant(self, t: float, what: str) -> int:
-        return self.system.instant(t, what)
 
     def resolved_rates(self) -> tuple[tuple[str, ...], Array] | None:
         return self.system.resolved_rates()
 
     def returning_entries(self, names: Sequence[str], what: str) -> list[int]:
         """Return those of the system's own state, and of what returns with them."""
-        return [*self.system.returning_entries(names, what), *(self.n_own + self._returning()).tolist()]
+        return [*returning_entries(self.system, names, what), *(self.n_own + self._returning()).tolist()]
 
     def returning_name(self, place: int) -> str:
         if place < self.n_own:
-            return self.system.returning_name(place)
+            return returning_name(self.system, place)
         kind, i = self.needs[place - self.n_own]
-        return (self.system.input_name(i) if kind == "input" else self.system.returning_name(i)) + BEFORE
+        return (self.system.input_name(i) if kind == "input" else returning_name(self.system, i)) + BEFORE
 
-    @property
-    def beside(self) -> Mapping[str, str]:  # type: ignore[override]
-        """Kinds of quantities that know names which another kind does not: those of the system."""
-        return self.system.beside
-
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        return self.system.quantities
-
-    def quantity(self, kind: str) -> Quantity:
+    def own_quantity(self, kind: str, t: Array | None) -> Quantity:  # noqa: ARG002 - time goes in steps
         return self.looking(self.system.quantity(kind))
 
     def looking(self, whole: Quantity) -> Quantity:

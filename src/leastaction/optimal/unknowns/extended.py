@@ -40,7 +40,7 @@ class Extended(System):
         self.n_own, self.d_own, self.nu = system.nx, system.ndx, system.nu
         self.at_copies = self.n_own + len(self.names)
         self.nx = self.at_copies + len(self.copied)
-        self.has_curvature = system.has_curvature
+        self.has_curvature, self.quantities = system.has_curvature, (*system.quantities, "unknown")
         # As a slice, which copies nothing, where they follow each other.
         self.kept: Any = as_slice(self.copied)
         # How the system's own state follows from the extended one.
@@ -122,7 +122,7 @@ class Extended(System):
 
     # ---- Its start --------------------------------------------------------------------------------
 
-    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
+    def own_start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
         del free
         n, count = self.d_own, len(self.names)
         own = self.own(x)
@@ -132,20 +132,21 @@ class Extended(System):
             names = None if isinstance(self.free_start, bool) else self.free_start
             Z = self.system.start_directions(own, names)
             # What only the equations tell of, if they do.
-            idle = self.system.idle_directions(own) if self._told.any() else np.zeros((n, 0))
-            if idle.shape[1] and self._told[idle.any(axis=1)].all():
+            idle = self.system.idle_directions(own) if self._told.any() else None
+            if idle is not None and idle.shape[1] and self._told[idle.any(axis=1)].all():
                 Z = np.hstack([Z, idle])
         whole = np.zeros((self.ndx, Z.shape[1] + count))
         whole[:n, : Z.shape[1]] = Z
         if count:
             system = self.at(self.values(x))
-            whole[:n, Z.shape[1] :] = system.start_by_parameters(own, self.names, self.free_start)
+            by = system.start_by_parameters(own, self.names, self.free_start)
+            whole[:n, Z.shape[1] :] = 0.0 if by is None else by
             whole[n : n + count, Z.shape[1] :] = np.eye(count)
         whole[n + count :] = whole[self.kept]
         whole[self.kept] = 0.0
         return whole
 
-    def moved_start(self, x: Array, dx: Array) -> Array:
+    def own_moved_start(self, x: Array, dx: Array) -> Array:
         values = self.values(x) + dx[self.d_own : self.d_own + len(self.names)]
         own = self.own(x)
         if self.free_start is not False:
@@ -154,11 +155,7 @@ class Extended(System):
 
     # ---- What it is asked -------------------------------------------------------------------------
 
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        return (*self.system.quantities, "unknown")
-
-    def input_name(self, i: int) -> str:
+    def own_input_name(self, i: int) -> str:
         name: str = self.system.input_name(i)
         return name
 

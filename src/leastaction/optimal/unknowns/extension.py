@@ -58,7 +58,7 @@ class Extension:
         self.system = ExtendedSystem(system, names, sorted(copied) if self.first == 0 else [], free_start)
         self.cost = ExtendedCost(cost, unknowns, wanted, self.system)
         self.system.at(self.guess)  # values that cannot be are named before anything is done
-        self.conditions = system.conditions_of(names)
+        self.conditions = system.conditions_of(names) or []
         for condition in self.conditions:
             self.guess = off_the_border(condition, self.guess)
 

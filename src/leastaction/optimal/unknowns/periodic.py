@@ -15,7 +15,7 @@ from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.looking_back import BEFORE
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
-from leastaction.optimal.system import System
+from leastaction.optimal.system import System, returning_entries, returning_name
 from leastaction.optimal.unknowns.extended import Extended
 
 
@@ -68,7 +68,7 @@ class Periodic(Limit):
         """Return the places of the entries in the state of a system."""
         known = system.quantity("state").names
         patterns = (self.names,) if isinstance(self.names, str) else tuple(self.names)
-        places = system.returning_entries(patterns, str(self))
+        places = returning_entries(system, patterns, str(self))
         if not places:
             raise ArgumentError(f"{self}: got no names")
         chosen = [known[i] for i in places if i < len(known)]
@@ -88,7 +88,7 @@ class Periodic(Limit):
             )
         own: System = extended.system
         places = np.array(self.entries(own), dtype=np.intp)
-        labels = [own.returning_name(i) for i in places.tolist()]
+        labels = [returning_name(own, i) for i in places.tolist()]
         names = [label.removesuffix(BEFORE) for label in labels]
         rows = []
         for turning in (False, True):

@@ -17,10 +17,11 @@ import numpy.typing as npt
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
+from leastaction.optimal.discrete.rollout import Rollout
+from leastaction.optimal.discrete.system import DiscreteSystem, derivatives_by, with_parameters
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.space import ProductSpace, Vectors
-from leastaction.optimal.system import FINAL_TIME, Linearization
+from leastaction.optimal.system import FINAL_TIME, Linearization, second_derivative
 from leastaction.optimal.unknowns.extended import Extended, by_differences
 
 Along = Callable[[Array], tuple[Array, Array, Array]]
@@ -48,10 +49,10 @@ class ExtendedSystem(Extended, DiscreteSystem):
             self.space = ProductSpace(charts, Vectors(len(self.names)))
 
     def at(self, values: Array) -> DiscreteSystem:
-        return self.system.with_parameters(self.named(values)) if self.names else self.system
+        return with_parameters(self.system, self.named(values)) if self.names else self.system
 
     def near(self, values: Array) -> DiscreteSystem:
-        return self.system.with_parameters_near(self.named(values)) if self.names else self.system
+        return with_parameters(self.system, self.named(values), near=True) if self.names else self.system
 
     def start_time(self) -> float:
         return self.system.time(0)
@@ -73,7 +74,7 @@ class ExtendedSystem(Extended, DiscreteSystem):
         step = np.stack([own, system.f(own, u, k)])
         H, by_time = self._by_final_time(system, step, u[None], weights, k)
         if H is None:
-            H = system.curvature(own, u, k, weights[0])[None]
+            H = second_derivative(system, own, u, k, weights[0])[None]
         along = self._read_at(step[1:], partial(self._of_step, x=own, u=u, k=k), lambda s: s.f(own, u, k)[None])
         exact = self._by_parameters(system, step, u[None], weights, k)
         return np.asarray(self._second(H, by_time, values, along, weights, exact)[0])
@@ -84,10 +85,10 @@ class ExtendedSystem(Extended, DiscreteSystem):
         A, B = system.derivatives(x, u, k)
         by = np.empty((1, self.d_own, 0))
         if self.names:
-            by = system.differentiate_by(np.stack([x, system.f(x, u, k)]), u[None], self.names, k)
+            by = derivatives_by(system, np.stack([x, system.f(x, u, k)]), u[None], self.names, k)
         return A[None], B[None], by
 
-    def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
+    def own_rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
         n, d, constants = self.n_own, self.d_own, x0[self.n_own :]
         try:
             system = self.at(self.values(x0))
@@ -104,7 +105,7 @@ class ExtendedSystem(Extended, DiscreteSystem):
         x[:, self.kept] -= x0[self.at_copies :]
         return Rollout(x, out.u, out.steps_done, out.failure, out.worst_step, out.worst_at)
 
-    def step_each(self, x: Array, u: Array) -> Rollout:
+    def own_step_each(self, x: Array, u: Array) -> Rollout:
         """Make every step of a curve, whose parameters and kept entries are those of its first state throughout."""
         try:
             system = self.at(self.values(x[0]))
@@ -117,7 +118,7 @@ class ExtendedSystem(Extended, DiscreteSystem):
 
     # ---- Derivatives ------------------------------------------------------------------------------
 
-    def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
+    def own_linearize(self, x: Array, u: Array, out: Linearization | None) -> Linearization:
         own, values, u = self.own(x), self.values(x[0]).copy(), u.copy()
         system = self.at(values)
         # A system with other parameters is another one, which cannot use the memory of the last.
@@ -139,7 +140,7 @@ class ExtendedSystem(Extended, DiscreteSystem):
 
         return Linearization(A, B, second, lin, self._pattern(lin, out))
 
-    def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
+    def own_linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
         """Return the same of a curve, whose parameters and kept entries are those of its first state throughout."""
         own, values, u = self.own(x), self.values(x[0]).copy(), u.copy()
         system = self.at(values)
@@ -176,7 +177,7 @@ class ExtendedSystem(Extended, DiscreteSystem):
         """Return derivatives (N, nx of the system, P) by the parameters of steps, given by both ends (N, 2, nx)."""
         if not self.names:
             return np.empty((len(u), self.d_own, 0))
-        found = [system.differentiate_by(step, u[k : k + 1], self.names, k) for k, step in enumerate(steps)]
+        found = [derivatives_by(system, step, u[k : k + 1], self.names, k) for k, step in enumerate(steps)]
         return np.concatenate(found)
 
     def _pattern(self, own: Linearization, last: Linearization | None) -> npt.NDArray[np.bool_] | None:
@@ -267,16 +268,14 @@ class ExtendedSystem(Extended, DiscreteSystem):
 
     # ---- What it is asked -------------------------------------------------------------------------
 
-    def when(self, k: int) -> str:
+    def own_when(self, k: int) -> str:
         return self.system.when(k)
 
-    def time(self, k: int) -> float:
+    def own_time(self, k: int) -> float:
         return self.system.time(k)
 
-    def quantity(self, kind: str) -> Quantity:
-        if kind != "unknown":
-            return self.system.quantity(kind)
-        return self.unknown_quantity()
+    def own_quantity(self, kind: str, t: Array | None) -> Quantity:  # noqa: ARG002 - time goes in steps
+        return self.unknown_quantity() if kind == "unknown" else self.system.quantity(kind)
 
 
 def _together(parts: list[Array | None]) -> Array | None:
