@@ -27,6 +27,8 @@ from leastaction.errors import ArgumentError, KeywordError, LeastActionError, br
 
 T = TypeVar("T")
 
+_frame = sys._getframe
+
 _UNTYPED = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError)
 _OURS = {"leastaction", "numpy", "scipy", "sympy", "h5py", "matplotlib", *sys.stdlib_module_names} - {"__main__"}
 _CALLED_BY_USERS = ("__init__", "__call__", "__getitem__")
@@ -84,7 +86,7 @@ def _around(function: Callable[..., Any], name: str) -> Callable[..., Any]:
     @functools.wraps(function)
     def call(*arguments: Any, **named: Any) -> Any:
         nonlocal seen
-        if sys._getframe(1).f_globals.get("__name__", "").startswith("leastaction."):
+        if _frame(1).f_globals.get("__name__", "")[:12] == "leastaction.":
             return function(*arguments, **named)
         if seen is None:
             seen = _Signature(function, of_object=not name or name.startswith("."))

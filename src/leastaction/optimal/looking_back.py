@@ -25,23 +25,25 @@ BEFORE = " a step before"
 class Recalled:
     """Where what is needed is remembered, in ``places`` from the end of a state.
 
-    ``returning``: what the first step of a periodic motion has from the last.
+    ``returning``: what the first step of a periodic motion has from the last. ``given``: what is known of before the
+    first step.
     """
 
     places: Mapping[Need, int]
     returning: frozenset[Need] = frozenset()
+    given: frozenset[Need] = frozenset()
 
 
 class LookingBack(Quantity):
     """Linear functions of a step that need some of the one before.
 
-    The first step has none, but where all that is needed returns: in a motion that goes on for ever the last step is
-    before it. ``memory``: None of a system that does not remember, until `optimize` makes one that does.
+    The first step has none, but where all that is needed returns, as in a motion that goes on for ever the last step is
+    before it, or is given. ``memory``: None of a system that does not remember, until `optimize` makes one that does.
     """
 
     def __init__(self, memory: Recalled | None) -> None:
         self.memory = memory
-        self.first = 0 if memory is not None and memory.returning.issuperset(self.needs) else 1
+        self.first = 0 if memory is not None and (memory.returning | memory.given).issuperset(self.needs) else 1
 
     @property
     @abstractmethod
@@ -63,7 +65,7 @@ class LookingBack(Quantity):
         if self.memory is None:
             raise ArgumentError(
                 f"{self.kind} {self.names[0]!r}: it depends on the step before, which is no part of the state: only "
-                "`optimize` limits it"
+                "`optimize` and `MPC` limit it"
             )
         return np.array([self.memory.places[need] for need in self.needs], dtype=np.intp)
 
@@ -111,8 +113,16 @@ class InputRates(LookingBack):
         return isinstance(other, InputRates) and np.array_equal(self.times, other.times)
 
     def _lasts(self, at: Samples) -> Array:
-        dt = np.diff(self.times)
-        return np.asarray(0.5 * (dt[at.k] + dt[at.k - 1])[:, None])  # before the first is the last
+        return lasting(self.times, returns=self.memory is not None and bool(self.memory.returning))[at.k, None]
+
+
+def lasting(times: Array, *, returns: bool = False) -> Array:
+    """Return how long it is (N,) from the middle of the step before to that of each step between times (N+1,).
+
+    Before the first is the last one, of a motion that returns, and else one as long as itself.
+    """
+    dt = np.diff(times)
+    return np.asarray(0.5 * (dt + np.concatenate([dt[-1:] if returns else dt[:1], dt[:-1]])))
 
 
 class OwnQuantity(QuantityElsewhere):
@@ -139,7 +149,7 @@ class OwnQuantity(QuantityElsewhere):
 
 
 def needs_of(quantity: Quantity) -> tuple[Need, ...]:
-    """Return what a quantity needs to be remembered; mostly nothing."""
+    """Return what a quantity needs to be remembered that is not yet; mostly nothing."""
     while isinstance(quantity, QuantityView):
         quantity = quantity.whole
-    return quantity.needs if isinstance(quantity, LookingBack) else ()
+    return quantity.needs if isinstance(quantity, LookingBack) and quantity.memory is None else ()

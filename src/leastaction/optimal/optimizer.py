@@ -334,7 +334,7 @@ class Optimizer:
         if isinstance(settings.projection, PiecewisePolynomial):
             raise ArgumentError("projection: got functions of time, expected gains (N, nu, nx) of a discrete system")
         limits = self.limits
-        needs = needed_by(limits, system, 1 if free is False else 0)
+        needs = needed_by(limits, cost, system, 1 if free is False else 0)
         if needs:
             self._remembered = remembered = Remembered(system, cost, limits, needs)
             system, cost, limits = remembered.system, remembered.cost, remembered.limits

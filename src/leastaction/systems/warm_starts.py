@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from leastaction.errors import ArgumentError, InconsistentStartError, unknown
 from leastaction.mechanics.configuration.assembly import project_configuration, project_velocity
 from leastaction.mechanics.continuous.legendre import to_momentum, to_velocity
+from leastaction.mechanics.discrete.prescribed import inputs_along
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.elements.base import Constraint
+from leastaction.mechanics.mechanism.arguments import single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.turns import interpolated, of_coordinates
 from leastaction.numerics.arrays import Array, as_array, require_instance
@@ -85,7 +87,7 @@ def warm_start(
     q, v = _motion(old, x, t)
     lam = x[:, old.nx :] / np.append(t[1] - t[0], np.diff(t))[:, None] if from_system.multipliers else None
 
-    first = new.configuration() if start is None else as_array(start.q, "start.q", (new.nq,), names=new.coordinates)
+    first = new.configuration() if start is None else single(new, start.q, "start.q")
     configurations, between = np.tile(first, (len(times), 1)), interpolated(old, q, t, times)
     velocities = np.zeros((len(times), new.nv))
     outside = (times < t[0]) | (times > t[-1])
@@ -116,7 +118,7 @@ def warm_start(
     for i, name in enumerate(new.inputs):
         if name in spoken:
             inputs[:, i] = given[:, spoken.index(name)]
-    inputs[:, new.n_inputs :] = configurations[1:, new.nq - new.nrho :]
+    inputs[:, new.n_inputs :] = inputs_along(new, configurations[:, new.first_rho :])
     return result, inputs
 
 

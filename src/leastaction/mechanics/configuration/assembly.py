@@ -15,7 +15,7 @@ from leastaction.mechanics.configuration.null_space import Indices, free_variabl
 from leastaction.mechanics.mechanism.arguments import rates, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.turns import difference
-from leastaction.numerics.arrays import Array, as_array, as_count, as_number, require_instance
+from leastaction.numerics.arrays import Array, Row, as_array, as_count, as_number, require_instance
 from leastaction.numerics.public import public
 
 CONFIGURATION_TOLERANCE = 1e-8  # distance from a constraint, in units of q
@@ -73,7 +73,7 @@ class VelocityProjection:
 
 
 @public
-def check_consistent(mechanism: Mechanism, q: ArrayLike, *, tolerance: float = CONFIGURATION_TOLERANCE) -> None:
+def check_consistent(mechanism: Mechanism, q: Row, *, tolerance: float = CONFIGURATION_TOLERANCE) -> None:
     """Raise unless a configuration satisfies the constraints.
 
     Parameters
@@ -146,7 +146,7 @@ def check_velocity(mechanism: Mechanism, q: Array, v: Array, *, instead: str = "
 @public
 def project_configuration(
     mechanism: Mechanism,
-    q: ArrayLike,
+    q: Row,
     *,
     hold: Sequence[str] = (),
     move_kinematic: bool = False,
@@ -225,8 +225,8 @@ def project_configuration(
 @public
 def project_velocity(
     mechanism: Mechanism,
-    q: ArrayLike,
-    v: ArrayLike,
+    q: Row,
+    v: Row,
     *,
     hold: Sequence[str] = (),
     move_kinematic: bool = False,

@@ -53,6 +53,7 @@ from leastaction.mechanics.mechanism.singularity import SingularityWatch
 from leastaction.mechanics.mechanism.turns import differences
 from leastaction.numerics.arrays import (
     Array,
+    Row,
     as_array,
     as_choice,
     as_count,
@@ -145,15 +146,17 @@ class MidpointVI(Integrator):
 
     # Starts
 
-    def start(self, q: ArrayLike, v: ArrayLike | None = None, *, p: ArrayLike | None = None, t: float = 0.0) -> State:
+    def start(self, q: Row, v: Row | None = None, *, p: Row | None = None, t: float = 0.0) -> State:
         """Return the state at a configuration, with a velocity, a momentum, or at rest.
 
         Parameters
         ----------
-        q : array_like, shape (nq,)
-            Configuration; must satisfy the constraints (see `project_configuration`).
-        v : array_like, shape (nv,), optional
-            Velocity; must keep the constraints (see `project_velocity`). The momentum is ``dL/dv``.
+        q : array_like, shape (nq,), or mapping of str to float
+            Configuration; must satisfy the constraints (see `project_configuration`). By name, ``{"hip": 0.3}``, what
+            is not given is zero, and quaternions are of no rotation: as everywhere that one configuration is taken.
+        v : array_like, shape (nv,), or mapping of str to float, optional
+            Velocity, by name ``{"base.wx": 2.0}``; must keep the constraints (see `project_velocity`). The momentum is
+            ``dL/dv``.
         p : array_like, shape (nd,), optional
             Momentum of the dynamic variables, instead of a velocity.
         t : float, optional
@@ -187,7 +190,7 @@ class MidpointVI(Integrator):
         return state_in(m, as_number(t, "t"), x)
 
     def start_from_configurations(
-        self, q0: ArrayLike, q1: ArrayLike, dt: float, *, inputs: ArrayLike | None = None, t: float = 0.0
+        self, q0: Row, q1: ArrayLike, dt: float, *, inputs: ArrayLike | None = None, t: float = 0.0
     ) -> State:
         """Return the state at q1 of a motion that went from q0 to q1 in one step.
 

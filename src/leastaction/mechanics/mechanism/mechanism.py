@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import unknown
@@ -19,7 +18,7 @@ from leastaction.mechanics.description.masses import check_masses
 from leastaction.mechanics.description.tree import BallAngles
 from leastaction.mechanics.elements import Element, Parts
 from leastaction.mechanics.mechanism import queries
-from leastaction.mechanics.mechanism.arguments import Compiled, batch, by_name, configuration_on
+from leastaction.mechanics.mechanism.arguments import Compiled, batch, configuration_by_name
 from leastaction.mechanics.mechanism.changes import freed, with_values
 from leastaction.mechanics.mechanism.compilation import Plan, plan
 from leastaction.mechanics.mechanism.equality import names_hash, same
@@ -36,7 +35,7 @@ from leastaction.mechanics.mechanism.parameters import (
 from leastaction.mechanics.mechanism.shared import check_values, joined, members_of, spread
 from leastaction.mechanics.mechanism.view import tree_view
 from leastaction.mechanics.mechanism.view_html import html_view
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, Row, as_number, require_mapping, row_by_name
 from leastaction.numerics.public import public
 
 
@@ -186,12 +185,7 @@ class Mechanism(Compiled):
         ArgumentError
             For an unknown name or a value that is not a finite number.
         """
-        still = {
-            name: value
-            for rotation in self.tree.rotations
-            for name, value in zip(rotation.quaternion, (1.0, 0.0, 0.0, 0.0), strict=True)
-        }
-        return configuration_on(self, by_name(self.coordinates, values, default, still), "values")
+        return configuration_by_name(self, _given(values), "values", as_number(default, "default"))
 
     def velocity(self, values: Mapping[str, float] | None = None, *, default: float = 0.0) -> Array:
         """Return a velocity, or another number for each variable such as a weight, from values by name.
@@ -212,9 +206,9 @@ class Mechanism(Compiled):
         ArgumentError
             For an unknown name or a value that is not a finite number.
         """
-        return by_name(self.variables, values, default)
+        return row_by_name(_given(values), "values", self.variables, as_number(default, "default"))
 
-    def named(self, q: ArrayLike) -> dict[str, Any]:
+    def named(self, q: Row) -> dict[str, Any]:
         """Return the entries of a configuration by name: floats, or arrays (N,) for a batch (N, nq)."""
         values, single = batch(self, q)
         columns = values.T
@@ -555,6 +549,13 @@ class Mechanism(Compiled):
 
     def _repr_html_(self) -> str:
         return html_view(self._plan)
+
+
+def _given(values: Mapping[str, float] | None) -> Mapping[str, float]:
+    """Return values by name, none where there are none."""
+    given = {} if values is None else values
+    require_mapping(given, "values", "{'pole': 1.0}")
+    return given
 
 
 def _build_like(builder: _core.MechanismBuilder, like: _core.Mechanism) -> _core.Mechanism:

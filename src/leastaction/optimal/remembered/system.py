@@ -10,10 +10,12 @@ from typing import Any, cast
 import numpy as np
 
 from leastaction.numerics.arrays import Array
+from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.rollout import Rollout
 from leastaction.optimal.discrete.system import DiscreteSystem, derivatives_by, linearized, with_parameters
 from leastaction.optimal.looking_back import BEFORE, LookingBack, Need, OwnQuantity, Recalled, needs_of
 from leastaction.optimal.quantity import Entries, Instants, Quantity
+from leastaction.optimal.remembered.cost import RememberedCost
 from leastaction.optimal.space import ProductSpace, Vectors
 from leastaction.optimal.system import Linearization, returning_entries, returning_name, second_derivative
 
@@ -22,11 +24,19 @@ class RememberingSystem(DiscreteSystem):
     """A system with state ``[x; m]``, where m are inputs of the step before, and entries of the state it began with.
 
     ``needs``: what is remembered, inputs first. ``returning``: what the first step has from the last, of a motion that
-    returns; it is free in the first state. As fit for several threads as the system is.
+    returns; it is free in the first state. ``before`` (nu,): inputs of before the first step, where they are known. As
+    fit for several threads as the system is.
     """
 
-    def __init__(self, system: DiscreteSystem, needs: Sequence[Need], returning: Collection[Need] = ()) -> None:
+    def __init__(
+        self,
+        system: DiscreteSystem,
+        needs: Sequence[Need],
+        returning: Collection[Need] = (),
+        before: Array | None = None,
+    ) -> None:
         self.system, self.needs, self.returning = system, tuple(needs), frozenset(returning)
+        self.before = before
         self.n_own, self.d_own, self.N, self.nu = system.nx, system.ndx, system.N, system.nu
         self.nx, self.has_curvature = system.nx + len(needs), system.has_curvature
         self.quantities, self.beside = system.quantities, system.beside
@@ -42,13 +52,17 @@ class RememberingSystem(DiscreteSystem):
         """Return the system's own states."""
         return np.ascontiguousarray(x[..., : self.n_own])
 
-    def extended(self, x: Array, u: Array) -> Array:
+    def extended(self, x: Array, u: Array, *, before: Array | None = None) -> Array:
         """Return states (nx,) or (N+1, nx) of the system with what was before them.
 
-        Nothing before the first but what returns: as far before it as the step before the last state leads.
+        Nothing before the first but what is known, and what returns: as far before it as the step before the last
+        state leads. ``before`` (nu,): others than the inputs of before the first step that are known.
         """
+        before = self.before if before is None else before
         memory = np.zeros((*x.shape[:-1], len(self.needs)))
         first = x if x.ndim == 1 else x[0]
+        if before is not None:
+            memory[..., : len(self.inputs)] = before[self.inputs]
         if x.ndim == 2:
             memory[1:] = self._left(x[:-1], u)
         if self.returning:
@@ -65,6 +79,15 @@ class RememberingSystem(DiscreteSystem):
 
     def _with(self, ends: Array, x: Array, u: Array) -> Array:
         return np.concatenate([ends, self._left(x, u)], axis=-1)
+
+    def cost_of(self, cost: Cost) -> Cost:
+        """Return a cost of the system's own states as one of those with a memory."""
+        if not cost.needs:
+            return RememberedCost(cost, (self.n_own, self.d_own, len(self.needs)))
+        found = cost.remembering(self)
+        if found is None:
+            raise NotImplementedError(f"{type(cost).__name__} needs {cost.needs}: implement `remembering`")
+        return found
 
     # ---- Steps ------------------------------------------------------------------------------------
 
@@ -84,6 +107,16 @@ class RememberingSystem(DiscreteSystem):
         made = self.system.step_each(self.own(x), u)
         n = len(made.x)
         return replace(made, x=self._with(made.x, x[:n], u[:n]))
+
+    def own_rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout | None:
+        """Simulate steps as the system does, whose own way is faster, where nothing remembered is fed back."""
+        if K[start:stop, :, self.d_own :].any():
+            return None
+        own = np.ascontiguousarray(K[:, :, : self.d_own])
+        made = self.system.rollout(self.own(x0), self.own(xbar), ubar, own, start, stop)
+        n = made.steps_done
+        memory = np.concatenate([x0[None, self.n_own :], self._left(made.x[:n], made.u[:n])])
+        return replace(made, x=np.concatenate([made.x, memory], axis=1))
 
     def own_linearize(self, x: Array, u: Array, out: Linearization | None) -> Linearization:
         return self._around(linearized(self.system, self.own(x), u, None if out is None else out.memory))
@@ -156,10 +189,11 @@ class RememberingSystem(DiscreteSystem):
         return self.system.parameters
 
     def with_parameters(self, values: Mapping[str, float]) -> DiscreteSystem:
-        return RememberingSystem(with_parameters(self.system, values), self.needs, self.returning)
+        return RememberingSystem(with_parameters(self.system, values), self.needs, self.returning, self.before)
 
     def with_parameters_near(self, values: Mapping[str, float]) -> DiscreteSystem:
-        return RememberingSystem(with_parameters(self.system, values, near=True), self.needs, self.returning)
+        near = with_parameters(self.system, values, near=True)
+        return RememberingSystem(near, self.needs, self.returning, self.before)
 
     def conditions_of(self, names: Sequence[str]) -> list[Quantity] | None:
         return self.system.conditions_of(names)
@@ -218,7 +252,8 @@ class RememberingSystem(DiscreteSystem):
         """Return a quantity of the system as one of the states with a memory."""
         if isinstance(whole, LookingBack):
             places = {need: i - len(self.needs) for i, need in enumerate(self.needs)}
-            return whole.remembering(Recalled(places, self.returning))
+            given = frozenset(need for need in self.needs if need[0] == "input" and self.before is not None)
+            return whole.remembering(Recalled(places, self.returning, given))
         if needs_of(whole):  # a view of one
             other: Any = copy(whole)
             other.whole = self.looking(other.whole)

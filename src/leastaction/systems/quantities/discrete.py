@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.mechanism.arguments import angles_only, none_prescribed_as_quaternion
+from leastaction.mechanics.discrete.prescribed import places_of
+from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.looking_back import InputRates, LookingBack, Need, Recalled
@@ -54,7 +55,6 @@ def quantity_of(mechanism: Mechanism, kind: str, t: Array, *, multipliers: bool)
     if kind == "rate":
         return Rates(m, np.arange(m.nv), dt)
     if kind == "acceleration":
-        none_prescribed_as_quaternion(m, kind)
         return AccelerationQuantity(m, np.arange(m.nrho), dt)
     if kind == ACROSS:
         angles_only(m, ACROSS)
@@ -65,7 +65,10 @@ def quantity_of(mechanism: Mechanism, kind: str, t: Array, *, multipliers: bool)
 
 
 class AccelerationQuantity(Quantity):
-    """Accelerations of kinematic variables over steps, ``((rho_next - rho) / dt - v_rho) / dt``."""
+    """Accelerations of kinematic variables over steps, ``((rho_next - rho) / dt - v_rho) / dt``.
+
+    Of turns, whose input is the turn of a step, ``(turn / dt - v_rho) / dt``.
+    """
 
     kind = "acceleration of"
 
@@ -73,10 +76,12 @@ class AccelerationQuantity(Quantity):
         m = mechanism
         self.mechanism, self.which, self.dt = m, which, dt
         self.names = tuple(m.kinematic[i] for i in which)
+        places, turns = places_of(m)
+        self.places, self.counts = places[which], 1.0 - turns[which]
 
     def values(self, at: Samples) -> Array:
         m, dt = self.mechanism, self.dt[at.k, None]
-        rate = (at.u[:, m.n_inputs + self.which] - at.x[:, m.nq - m.nrho + self.which]) / dt
+        rate = (at.u[:, m.n_inputs + self.which] - self.counts * at.x[:, self.places]) / dt
         return np.asarray((rate - at.x[:, m.nq + m.nd + self.which]) / dt)
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
@@ -86,7 +91,7 @@ class AccelerationQuantity(Quantity):
     def jacobian(self, at: Samples) -> Array:
         dt = self.dt[at.k, None, None]
         each = np.broadcast_to(np.eye(len(self.which)), (len(at.k), len(self.which), len(self.which)))
-        return np.concatenate([-each / dt**2, -each / dt, each / dt**2], axis=2)
+        return np.concatenate([-self.counts * each / dt**2, -each / dt, each / dt**2], axis=2)
 
     def curvature(self, at: Samples, y: Array) -> None:
         """Return None: they are linear."""
@@ -171,11 +176,12 @@ class Tensions(Quantity):
         self.names = strings.names
         m = mechanism
         # A length is a prescribed variable; its rate stands behind the momenta. Where there is none, nothing is read.
-        rates = m.nq + m.nd + np.maximum(strings.places - (m.nq - m.nrho), 0) if m.nrho else strings.places
-        places = m.nx + strings.rows, strings.places, rates
-        self._lam, self._length, self._rate = places
-        # A state has more numbers than directions, before those of prescribed variables, where it has quaternions.
-        by = [np.maximum(each - (m.nx - m.ndx), 0) for each in places]
+        known = {m.coordinates.index(name): i for i, name in enumerate(m.kinematic) if name in m.coordinates}
+        of = np.array([known.get(place, 0) for place in strings.places.tolist()], dtype=np.intp)
+        rates = m.nq + m.nd + of if m.nrho else strings.places
+        self._lam, self._length, self._rate = m.nx + strings.rows, strings.places, rates
+        length, rate = (m.nd + of, m.nv + m.nd + of) if m.nrho else (strings.places, strings.places)
+        by = [m.ndx + strings.rows, length, rate]
         self._columns = np.unique(np.concatenate(by))
         self._at = [np.searchsorted(self._columns, each) for each in by]
 
