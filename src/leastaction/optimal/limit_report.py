@@ -1,4 +1,4 @@
-"""What an optimisation tells of its limits."""
+"""What a result says of its limits: values, multipliers, and where they are active."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class LimitState(Frozen):
     labels : tuple of str (m,)
         What each column says, such as ``"push <= 5"``.
     equation : bool
-        Whether equality is asked.
+        Whether it is an equation.
     k : ndarray of int (n,)
         Instants (of quantities of the state) or steps.
     value : ndarray (n, m)
