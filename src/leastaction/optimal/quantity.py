@@ -21,10 +21,10 @@ Instants = np.ndarray[tuple[int], np.dtype[np.intp]]
 
 
 class Samples(NamedTuple):
-    """Where a quantity is asked.
+    """Where a quantity is evaluated.
 
     ``k`` (n,): instants of a quantity of the state, steps of any other. ``x``, ``u``, ``x_next`` (n, nx), (n, nu), (n,
-    nx): state and input there, and the state that the step leads to; no columns where that is not asked for.
+    nx): state and input there, and the state that the step leads to; no columns where that is not needed.
     """
 
     k: Instants
@@ -38,8 +38,8 @@ class Quantity(ABC):
 
     Any number of threads may share one.
 
-    A quantity of the state (`of_state`) is asked at instants. Any other is asked for steps, with their inputs and, if
-    it `looks_ahead`, with the states that the steps lead to.
+    A quantity of the state (`of_state`) is evaluated at instants. Any other is evaluated for steps, with their inputs
+    and, if it `looks_ahead`, with the states that the steps lead to.
     """
 
     names: tuple[str, ...]
@@ -60,8 +60,8 @@ class Quantity(ABC):
     def columns(self, nx: int, nu: int) -> Instants | None:
         """Return the places in ``(x, u, x_next)`` on which it depends at all, in which its derivatives are given.
 
-        None, as here: all of x, and all of u and of x_next as far as it is asked with them. A place may come twice in a
-        quantity that looks ahead.
+        None, as here: all of x, and all of u and of x_next as far as it is evaluated with them. A place may come twice
+        in a quantity that looks ahead.
         """
 
     @abstractmethod
@@ -210,11 +210,11 @@ class QuantityView(Quantity):
 
     @abstractmethod
     def instants(self, k: Instants) -> Instants:
-        """Return the instants of the other quantity at which it is asked."""
+        """Return the instants of the other quantity at which it is evaluated."""
 
 
 def wholes_apart(one: QuantityView, other: Quantity, k: Instants) -> Array | None:
-    """Return how far views are apart whose wholes are asked at the same instants; see `Quantity.apart`."""
+    """Return how far views are apart whose wholes are evaluated at the same instants; see `Quantity.apart`."""
     if not isinstance(other, QuantityView):
         return None
     own = one.instants(k)
@@ -222,11 +222,11 @@ def wholes_apart(one: QuantityView, other: Quantity, k: Instants) -> Array | Non
 
 
 class QuantityElsewhere(QuantityView):
-    """Another quantity, asked in another place; which that is, a subclass says."""
+    """Another quantity, evaluated at other samples, which a subclass says."""
 
     @abstractmethod
     def seen(self, at: Samples) -> Samples:
-        """Return where the other quantity is asked."""
+        """Return where the other quantity is evaluated."""
 
     def values(self, at: Samples) -> Array:
         return self.whole.values(self.seen(at))

@@ -60,8 +60,8 @@ class Linearization:
     B : ndarray (N, ndx, nu)
         ``df/du`` of every step, or at every sample.
     second : callable or None
-        ``second(z) -> (N, ndx+nu, ndx+nu)``, what `curvature` asks; `z` (N, ndx). Without it the optimiser asks
-        the system's `curvatures`.
+        ``second(z) -> (N, ndx+nu, ndx+nu)``, which `curvature` returns; `z` (N, ndx). Without it the
+        optimiser calls the system's `curvatures`.
     memory : object
         Whatever the system writes over when this is given back to it as `out`.
     pattern : ndarray of bool (ndx, ndx+nu) or None
@@ -202,16 +202,16 @@ class System(ABC):
         return ("",) * self.nu
 
     def told(self) -> System | None:
-        """Return the system that a result keeps, to be pickled and saved with it; `motion` is asked of that.
+        """Return the system that a result keeps, to be pickled and saved with it; it has `motion`.
 
         None where a result keeps none: of a system of no mechanism.
         """
 
     def motion(self, result: Any) -> Any:
-        """Return the trajectory of the mechanism, given a result; asked of the system that `told` returns."""
+        """Return the trajectory of the mechanism, given a result; a method of the system that `told` returns."""
 
     def doubts(self, result: Any) -> list[Warning] | None:
-        """Return warnings about the accuracy of the motion of a result; asked of the system that `told` returns."""
+        """Return warnings about the accuracy of the motion of a result; likewise."""
 
     def dataset(self, result: Any) -> Dataset | None:
         """Return what a file of a result says of the system: its settings, its mechanism, and arrays that it adds."""
@@ -253,7 +253,7 @@ class System(ABC):
         """Return the same of a system whose initial states are not all states."""
 
     def free_entries(self, free: Sequence[str], what: str = "free_start") -> list[int]:
-        """Return the places of the entries of the state with these names; `what` is asked for them, in messages.
+        """Return the places of the entries of the state with these names; `what` they are given for, in messages.
 
         Raises
         ------
@@ -305,7 +305,7 @@ class System(ABC):
 
     # ---- What can be limited ------------------------------------------------------------------------
 
-    quantities: tuple[str, ...] = ("input", "state")
+    quantities: tuple[str, ...] = ("input", "state", "input rate")
     """The kinds of quantities that can be limited, in the order in which names are looked for."""
     beside: Mapping[str, str] = _NO_KINDS
     """Kinds of quantities that know names which another kind does not, by that kind."""

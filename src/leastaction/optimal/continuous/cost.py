@@ -75,7 +75,7 @@ class ContinuousCost(ABC):
         return np.array([self.rate(*at) for at in zip(x, u, t.tolist(), strict=True)]) if found is None else found
 
     def own_rates(self, x: Array, u: Array, t: Array) -> Array | None:
-        """Return the rates at once; None where they are to be asked for one by one."""
+        """Return the rates at once; None of a cost that has no such way."""
 
     @abstractmethod
     def gradient(self, x: Array, u: Array, t: Array) -> RateGradient:

@@ -28,6 +28,7 @@ class ContinuousSystem(System):
     """
 
     by_numbers = True
+    quantities = ("input", "state")
     jumps: Sequence[float] = ()
     """Times (s) where f jumps with time, if it does: integrators start anew there."""
     autonomous: bool = False
@@ -50,7 +51,7 @@ class ContinuousSystem(System):
         return np.stack([self.f(*at) for at in zip(x, u, t.tolist(), strict=True)])
 
     def own_rates(self, x: Array, u: Array, t: Array) -> Array | None:
-        """Return the same at once; None where rates are to be asked for one by one."""
+        """Return the same at once; None of a system that has no such way."""
 
     # ---- Parameters: what can be found together with a motion ---------------------------------------
 
@@ -110,7 +111,7 @@ class ContinuousSystem(System):
         return Linearization(A, B, partial(self.curvatures, x, u, t))
 
     def own_linearize(self, x: Array, u: Array, t: Array) -> Linearization | None:
-        """Return the same at once; None where derivatives are to be asked for one by one."""
+        """Return the same at once; None of a system that has no such way."""
 
     def slopes(self, x: Array, u: Array, t: Array) -> Array:
         """Return ``df/dx`` (n, nx, nx) at samples, as far as Newton's method needs it to find states."""
@@ -133,7 +134,7 @@ class ContinuousSystem(System):
         return H
 
     def own_curvatures(self, x: Array, u: Array, t: Array, z: Array) -> Array | None:
-        """Return the same at once; None where they are to be asked for one by one."""
+        """Return the same at once; None of a system that has no such way."""
 
 
 def with_parameters(system: ContinuousSystem, values: Mapping[str, float], *, near: bool = False) -> ContinuousSystem:

@@ -130,7 +130,7 @@ class Cost(ABC):
 
     @property
     def wanted_states(self) -> Array | None:
-        """The motion (N+1, nx) that it asks for; None if there is none.
+        """The wanted motion (N+1, nx); None if there is none.
 
         `optimize` may begin there with gaps between the steps (multiple shooting).
         """

@@ -33,7 +33,6 @@ class DiscreteSystem(System):
 
     N: int
     """Number of steps of the horizon."""
-    quantities = (*System.quantities, "input rate")
     numbered = True
     """Limits may name instants by their index."""
 
@@ -387,7 +386,7 @@ class WindowSystem(SystemAround):
     ) -> Array | None:
         return self.system.curvature_by_parameters(x, u, z, names, self.start + start)
 
-    # ---- What it is asked -------------------------------------------------------------------------
+    # ---- Names and quantities -------------------------------------------------------------------------
 
     @property
     def parameters(self) -> Mapping[str, float]:  # type: ignore[override]

@@ -100,7 +100,7 @@ class Remembered:
         return replace(result, x=read_only(self.system.extended(np.asarray(result.x), np.asarray(result.u))))
 
     def callback(self, given: Callback | None) -> Callback | None:
-        """Return a callback that tells the given one of the system's own states."""
+        """Return a callback that calls the given one with the system's own states."""
         if given is None:
             return None
 

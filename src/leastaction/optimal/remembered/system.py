@@ -221,7 +221,7 @@ class RememberingSystem(DiscreteSystem):
         own = self.system.start_by_parameters(self.own(x), names, free)
         return None if own is None else self._above(own)
 
-    # ---- What it is asked -------------------------------------------------------------------------
+    # ---- Names and quantities -------------------------------------------------------------------------
 
     def own_when(self, k: int) -> str:
         return self.system.when(k)

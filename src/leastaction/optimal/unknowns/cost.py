@@ -51,8 +51,8 @@ class ExtendedCost(Cost):
     def own_convex_hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the cost's own, and a curvature of the final time, which the cost is linear in.
 
-        Of a motion that begins at rest no model tells how much longer it should last: with that of ``T log T`` steps
-        are no longer than what holds.
+        A motion that begins at rest has no curvature by its duration: with that of ``T log T`` the model holds as far
+        as its steps lead.
         """
         weight, time = self.weight, self.system.final_time
         if time is not None:

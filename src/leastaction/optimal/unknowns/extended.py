@@ -131,7 +131,7 @@ class Extended(System):
         else:
             names = None if isinstance(self.free_start, bool) else self.free_start
             Z = self.system.start_directions(own, names)
-            # What only the equations tell of, if they do.
+            # Directions that only the equations of a return determine, if they do.
             idle = self.system.idle_directions(own) if self._told.any() else None
             if idle is not None and idle.shape[1] and self._told[idle.any(axis=1)].all():
                 Z = np.hstack([Z, idle])
@@ -153,7 +153,7 @@ class Extended(System):
             own = self.at(values).moved_start(own, self.own(dx) if self.space is None else dx[: self.d_own])
         return self.extended(own, values)
 
-    # ---- What it is asked -------------------------------------------------------------------------
+    # ---- Names and quantities -------------------------------------------------------------------------
 
     def own_input_name(self, i: int) -> str:
         name: str = self.system.input_name(i)
@@ -173,7 +173,7 @@ def told_in_own_states(
     own: Callable[[Array], Array],
     result: Callable[[OptimizationResult], OptimizationResult],
 ) -> Callback | None:
-    """Return a callback that tells the given one of the system's own states.
+    """Return a callback that calls the given one with the system's own states.
 
     ``own``, ``result``: return extended states, and a result of these, as ones of the system.
     """

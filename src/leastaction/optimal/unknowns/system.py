@@ -266,7 +266,7 @@ class ExtendedSystem(Extended, DiscreteSystem):
             twice[:, j, j] = by_time[:, -1]
         return self._joined(H, once, twice)
 
-    # ---- What it is asked -------------------------------------------------------------------------
+    # ---- Names and quantities -------------------------------------------------------------------------
 
     def own_when(self, k: int) -> str:
         return self.system.when(k)

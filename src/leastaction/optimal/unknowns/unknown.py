@@ -122,7 +122,7 @@ class FinalTime(Unknown):
     """The final time of the motion (s): all time steps grow or shrink with it.
 
     See `Unknown` for what else it takes; ``FinalTime(0, 5)`` is any time up to 5 s, of a motion that begins at 0 s, and
-    ``FinalTime(price=1.0)`` asks for the shortest time. What a cost or a limit wants over time it wants at the same
+    ``FinalTime(price=1.0)`` minimises the time. What a cost or a limit is over time holds at the same
     fractions of the motion, as given over the times that the system has, or in continuous time over the horizon that
     the optimisation begins with. The cost of a stage does not grow with its step; a cost in continuous time is the
     integral over the time that the motion takes.

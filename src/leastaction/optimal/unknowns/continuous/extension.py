@@ -201,7 +201,7 @@ class ContinuousExtension:
     # ---- And back ---------------------------------------------------------------------------------
 
     def callback(self, given: Callback | None) -> Callback | None:
-        """Return a callback that tells the given one of the system's own states."""
+        """Return a callback that calls the given one with the system's own states."""
         return told_in_own_states(given, lambda x: self.system.own(x), self.result)
 
     def result(self, found: OptimizationResult) -> ContinuousOptimizationResult:

@@ -225,7 +225,7 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
         z[1 : done + 1], u[:done] = whole.joined(full, inputs), own_u[:done]
         return done
 
-    # ---- What it is asked -------------------------------------------------------------------------
+    # ---- Names and quantities -------------------------------------------------------------------------
 
     def own_quantity(self, kind: str, t: Array | None) -> Quantity:
         return self.unknown_quantity() if kind == "unknown" else self.system.quantity(kind, t)
