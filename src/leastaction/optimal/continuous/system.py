@@ -28,7 +28,7 @@ class ContinuousSystem(System):
     """
 
     by_numbers = True
-    quantities = ("input", "state")
+    quantities: tuple[str, ...] = ("input", "state")
     jumps: Sequence[float] = ()
     """Times (s) where f jumps with time, if it does: integrators start anew there."""
     autonomous: bool = False

@@ -22,7 +22,7 @@ class ExtendedCost(Cost):
 
     def __init__(self, cost: Cost, unknowns: Sequence[Unknown], wanted: Array, system: ExtendedSystem) -> None:
         self.cost, self.system, self.n_own, self.nx = cost, system, system.d_own, system.ndx
-        self.unknowns = slice(system.n_own, system.at_copies)  # in a state, and in a difference of states
+        self.unknowns = slice(system.n_own, system.layout.at_copies)  # in a state, and in a difference of states
         self.changes = slice(system.d_own, system.d_own + len(system.names))
         self.price = np.array([each.price for each in unknowns])
         self.weight = np.array([each.weight for each in unknowns])
@@ -73,8 +73,9 @@ class ExtendedCost(Cost):
     def moved(self, rows: Array) -> Array:
         """Return derivatives (..., nx) by the extended state of those (..., n) by the system's own."""
         n, end = self.n_own, self.changes.stop
-        whole = np.empty((*rows.shape[:-1], self.nx))
-        whole[..., :n], whole[..., n:end], whole[..., end:] = rows, 0.0, rows[..., self.system.kept]
+        whole = np.zeros((*rows.shape[:-1], self.nx))
+        whole[..., :n] = rows
+        whole[..., end : end + len(self.system.copied)] = rows[..., self.system.layout.kept_moves]
         return whole
 
     def padded(self, weight: Array) -> Array:

@@ -15,9 +15,10 @@ import numpy as np
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.differences import fourth_order
 from leastaction.optimal.loop import Callback
-from leastaction.optimal.quantity import Entries, as_slice
+from leastaction.optimal.quantity import Entries, Instants
 from leastaction.optimal.result import IterationRecord, OptimizationResult
 from leastaction.optimal.system import FINAL_TIME, System
+from leastaction.optimal.unknowns.layout import ConstantsLayout
 
 _PART = 1e-3  # of a parameter, by which it is moved for differences
 _SOME = 1e-3  # of the largest entry of a direction is one that belongs to it
@@ -27,33 +28,47 @@ class Extended(System):
     """A system with parameters, and entries of its first state, as constant states; those entries count from there.
 
     ``system``: with the parameters, at values of its own. ``copied``: entries of the state whose first values are kept.
-    ``free_start``: what of the system's own initial state is free.
+    ``free_start``: what of the system's own initial state is free. ``moves``: the directions of a state that are
+    copied, if these are others than the entries. ``turns``: first number and first direction of the rotations that are
+    kept: these do not count from there, and stand behind all else.
     """
 
     system: Any
 
     def __init__(
-        self, system: Any, parameters: Sequence[str], copied: Sequence[int], free_start: bool | Sequence[str]
+        self,
+        system: Any,
+        parameters: Sequence[str],
+        copied: Sequence[int],
+        free_start: bool | Sequence[str],
+        *,
+        moves: Sequence[int] | None = None,
+        turns: Sequence[tuple[int, int]] = (),
     ) -> None:
         self.system, self.names, self.free_start = system, tuple(parameters), free_start
-        self.copied = np.array(copied, dtype=np.intp)
         self.n_own, self.d_own, self.nu = system.nx, system.ndx, system.nu
-        self.at_copies = self.n_own + len(self.names)
-        self.nx = self.at_copies + len(self.copied)
+        self.layout = ConstantsLayout.of(system, len(self.names), copied, moves, turns)
+        self.nx = self.layout.at_turns + 4 * len(self.layout.turns)
         self.has_curvature, self.quantities = system.has_curvature, (*system.quantities, "unknown")
-        # As a slice, which copies nothing, where they follow each other.
-        self.kept: Any = as_slice(self.copied)
         # How the system's own state follows from the extended one.
         own = np.eye(self.n_own)
         self.moves = np.hstack([own, np.zeros((self.n_own, len(self.names))), own[:, self.copied]])
         free = set(range(self.n_own if free_start is True else 0))
         if not isinstance(free_start, bool):
             free = set(system.free_entries(free_start))
-        told = free.intersection(self.copied.tolist())
-        self._told = np.array([i in told for i in range(self.n_own)], dtype=np.bool_)  # by equations, of the start
+        self._told = np.zeros(self.n_own if moves is None else self.d_own, dtype=np.bool_)  # by equations, of the start
+        told = [move for number, move in zip(self.copied, self.layout.copied_moves, strict=True) if int(number) in free]
+        self._told[told] = True
+        for number, move in self.layout.turns.tolist():
+            self._told[move : move + 3] = number in free
         # Where the entries of [y; u] are among those of [x; p; u]: c moves what is kept.
-        inputs = self.at_copies + np.arange(self.nu)
-        self._places = np.concatenate([np.arange(self.at_copies), self.copied, inputs])
+        inputs = self.layout.at_copied_moves + np.arange(self.nu)
+        self._places = np.concatenate([np.arange(self.layout.at_copied_moves), self.layout.copied_moves, inputs])
+
+    @property
+    def copied(self) -> Instants:
+        """Entries of the system's own state whose first values are kept."""
+        return self.layout.copied
 
     @property
     def final_time(self) -> int | None:
@@ -80,22 +95,23 @@ class Extended(System):
 
     def values(self, x: Array) -> Array:
         """Return the parameters (P,) of a state (nx,)."""
-        return np.asarray(x[self.n_own : self.at_copies])
+        return np.asarray(x[self.n_own : self.layout.at_copies])
 
     def own(self, x: Array) -> Array:
         """Return the system's own states of such of the extended system."""
         own = x[..., : self.n_own].copy()
         if len(self.copied):
-            own[..., self.kept] += x[..., self.at_copies :]
+            own[..., self.layout.kept] += x[..., self.layout.at_copies : self.layout.at_turns]
         return own
 
     def extended(self, x: Array, values: Array) -> Array:
         """Return states (nx,) or (N+1, nx) for such of the system, with values of the parameters (P,)."""
-        first = (x if x.ndim == 1 else x[0])[self.kept]
+        first = (x if x.ndim == 1 else x[0])[self.layout.kept]
         whole = np.empty((*x.shape[:-1], self.nx))
-        whole[..., : self.n_own], whole[..., self.n_own : self.at_copies] = x, values
-        whole[..., self.at_copies :] = first
-        whole[..., self.kept] -= first
+        whole[..., : self.n_own], whole[..., self.n_own : self.layout.at_copies] = x, values
+        whole[..., self.layout.at_copies : self.layout.at_turns] = first
+        whole[..., self.layout.kept] -= first
+        whole[..., self.layout.at_turns :] = (x if x.ndim == 1 else x[0])[self.layout.turned]
         return whole
 
     # ---- Derivatives ------------------------------------------------------------------------------
@@ -118,7 +134,13 @@ class Extended(System):
 
     def _by_extended(self, H: Array) -> Array:
         """Return second derivatives by ``[y; u]``, given those by ``[x; p; u]``."""
-        return H[:, self._places[:, None], self._places] if len(self.copied) else H
+        moved = H[:, self._places[:, None], self._places] if len(self.copied) else H
+        if not len(self.layout.turns):
+            return moved
+        at = np.concatenate([np.arange(self.ndx - 3 * len(self.layout.turns)), self.ndx + np.arange(self.nu)])
+        whole = np.zeros((len(H), self.ndx + self.nu, self.ndx + self.nu))
+        whole[:, at[:, None], at] = moved
+        return whole
 
     # ---- Its start --------------------------------------------------------------------------------
 
@@ -142,15 +164,21 @@ class Extended(System):
             by = system.start_by_parameters(own, self.names, self.free_start)
             whole[:n, Z.shape[1] :] = 0.0 if by is None else by
             whole[n : n + count, Z.shape[1] :] = np.eye(count)
-        whole[n + count :] = whole[self.kept]
-        whole[self.kept] = 0.0
+        copies = n + count + len(self.copied)
+        whole[n + count : copies] = whole[self.layout.kept_moves]
+        whole[self.layout.kept_moves] = 0.0
+        whole[copies:] = whole[self.layout.turned_moves]
         return whole
 
     def own_moved_start(self, x: Array, dx: Array) -> Array:
         values = self.values(x) + dx[self.d_own : self.d_own + len(self.names)]
         own = self.own(x)
         if self.free_start is not False:
-            own = self.at(values).moved_start(own, self.own(dx) if self.space is None else dx[: self.d_own])
+            change = dx[: self.d_own].copy()
+            change[self.layout.kept_moves] += dx[
+                self.layout.at_copied_moves : self.layout.at_copied_moves + len(self.copied)
+            ]
+            own = self.at(values).moved_start(own, change)
         return self.extended(own, values)
 
     # ---- Names and quantities -------------------------------------------------------------------------
@@ -165,7 +193,7 @@ class Extended(System):
 
     def unknown_quantity(self) -> Entries:
         """Return the parameters as a quantity."""
-        return Entries(self.names, range(self.n_own, self.at_copies), of_state=True)
+        return Entries(self.names, range(self.n_own, self.layout.at_copies), of_state=True)
 
 
 def told_in_own_states(

@@ -91,7 +91,7 @@ class FinalTermWithUnknowns(FinalTerm):
         self.cost, self.system, self.wanted = cost, system, wanted
         self.price = np.array([each.price for each in unknowns])
         self.weight = np.array([each.weight for each in unknowns])
-        self.of_values = slice(system.n_own, system.at_copies)
+        self.of_values = slice(system.n_own, system.layout.at_copies)
 
     def value(self, x: Array, t: float) -> float:
         values = x[self.of_values]

@@ -179,11 +179,11 @@ class ContinuousExtension:
         """Return a curve of the system's own states as one of the extended ones."""
         n, system = self.own.nx, self.system
         own = curve.xu.coefficients
-        constants = np.concatenate([values, curve.xu.flat(curve.t0)[:n][system.kept]])
+        constants = np.concatenate([values, curve.xu.flat(curve.t0)[:n][system.layout.kept]])
         states = np.zeros((*own.shape[:2], system.nx + system.nu))
         states[:, :, :n], states[:, :, system.nx :] = own[:, :, :n], own[:, :, n:]
         states[:, 0, n : system.nx] = constants
-        states[:, 0, system.kept] -= constants[len(values) :]
+        states[:, 0, system.layout.kept] -= constants[len(values) :]
         return DenseTrajectory(PiecewisePolynomial(curve.t, states, (states.shape[2],)), system.nx)
 
     def _check(self, x: Array, curve: DenseTrajectory) -> None:
@@ -216,7 +216,7 @@ class ContinuousExtension:
         law = np.concatenate([keep, nu * system.nx + np.arange(nu)])
         states = result.dense.xu.coefficients
         x = states[:, :, :n].copy()
-        x[:, :, system.kept] += states[:, :, system.at_copies : system.nx]
+        x[:, :, system.layout.kept] += states[:, :, system.layout.at_copies : system.nx]
         curve = np.concatenate([x, states[:, :, system.nx :]], axis=2)
         dense = DenseTrajectory(PiecewisePolynomial(result.dense.t, curve, (n + nu,)), n)
         return replace(

@@ -118,12 +118,12 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
 
     def own_linearize(self, x: Array, u: Array, t: Array) -> Linearization:
         own, u, t, values = self.own(x), u.copy(), t.copy(), self.values(x[0]).copy()
-        n, end, count = self.n_own, self.at_copies, len(x)
+        n, end, count = self.n_own, self.layout.at_copies, len(x)
         lin, pace = _linearized(self.at(values), own, u, self.true_time(t, values)), self.pace(values)
         A, B = np.zeros((count, self.nx, self.nx)), np.zeros((count, self.nx, self.nu))
         A[:, :n, :n], B[:, :n] = pace * lin.A, pace * lin.B
         A[:, :n, n:end] = self._by(values, own, u, t)
-        A[:, :n, end:] = pace * lin.A[:, :, self.kept]
+        A[:, :n, end:] = pace * lin.A[:, :, self.layout.kept]
 
         def slopes(moved: Array, z: Array) -> Array:
             """Return ``z . Df`` (n, nx of the system + nu + P) at other values."""
@@ -201,7 +201,7 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
         values = self.values(z[0])
         off = constants - zbar[:-1, n : self.nx]
         own_gain, gain = K[:, :, :n], K[:, :, n : self.nx].copy()
-        gain[:, :, len(self.names) :] -= own_gain[:, :, self.kept]
+        gain[:, :, len(self.names) :] -= own_gain[:, :, self.layout.kept]
         layout, whole = NodeLayout(n, self.nu), NodeLayout(self.nx, self.nu)
 
         def taken(states: Array) -> Array:
@@ -221,7 +221,7 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
         x, inputs = layout.points(own_z[1 : done + 1])
         full = np.empty((done, STAGES, self.nx))
         full[:, :, :n], full[:, :, n:] = x, constants
-        full[:, :, self.kept] -= z[0, self.at_copies : self.nx]
+        full[:, :, self.layout.kept] -= z[0, self.layout.at_copies : self.nx]
         z[1 : done + 1], u[:done] = whole.joined(full, inputs), own_u[:done]
         return done
 
