@@ -18,13 +18,9 @@ def result_of(content: ContinuousContent) -> ContinuousOptimizationResult:
     """Return the result that a file holds."""
     return ContinuousOptimizationResult(
         **{**common_of(content.common), "t": content.t},
-        over_time=OverTime(
-            dense=DenseTrajectory(content.trajectory.function(), content.nx),
-            feedback=content.feedback.function(),
-            projection=content.projection.function(),
-            accuracy=content.accuracy,
-            jumps=content.jumps,
-        ),
+        feedback=content.feedback.function(),
+        projection=content.projection.function(),
+        over_time=OverTime(DenseTrajectory(content.trajectory.function(), content.nx), content.accuracy, content.jumps),
     )
 
 

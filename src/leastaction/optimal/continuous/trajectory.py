@@ -157,16 +157,12 @@ class DenseTrajectory:
 
 @dataclass(frozen=True)
 class OverTime:
-    """An optimised trajectory as functions of time, and how it was integrated.
+    """An optimised trajectory as a function of time, and how it was integrated.
 
     Attributes
     ----------
     dense : DenseTrajectory
         The states and inputs.
-    feedback : PiecewisePolynomial
-        Gains (nu, nx) about it, ``u = u_opt - K (x - x_opt)``.
-    projection : PiecewisePolynomial
-        The gains by which the trajectory was reached. Resuming needs them to go on exactly.
     accuracy : Accuracy
         How the run integrated.
     jumps : tuple of float
@@ -175,8 +171,6 @@ class OverTime:
     """
 
     dense: DenseTrajectory
-    feedback: PiecewisePolynomial
-    projection: PiecewisePolynomial
     accuracy: Accuracy
     jumps: tuple[float, ...]
 
@@ -193,27 +187,24 @@ class ContinuousOptimizationResult(OptimizationResult):
     ----------
     t : ndarray (n+1,)
         Times of the samples (s): the ends of the trajectory's pieces.
+    feedback : PiecewisePolynomial
+        Gains (nu, nx) about it as a function of time, ``u = u_opt - K (x - x_opt)``.
+    projection : PiecewisePolynomial
+        The gains by which the trajectory was reached. Resuming needs them to go on exactly.
     over_time : OverTime
-        The trajectory as functions of time, whose parts are properties of the result too.
+        The trajectory as a function of time, how it was integrated, and where that starts anew: `dense`, `accuracy` and
+        `jumps` of the result.
     """
 
     t: Array
+    feedback: PiecewisePolynomial
+    projection: PiecewisePolynomial
     over_time: OverTime
 
     @property
     def dense(self) -> DenseTrajectory:
         """The states and inputs as functions of time."""
         return self.over_time.dense
-
-    @property
-    def feedback(self) -> PiecewisePolynomial:
-        """Gains (nu, nx) about it as a function of time."""
-        return self.over_time.feedback
-
-    @property
-    def projection(self) -> PiecewisePolynomial:
-        """The gains by which the trajectory was reached."""
-        return self.over_time.projection
 
     @property
     def accuracy(self) -> Accuracy:

@@ -17,8 +17,9 @@ class ConstantsLayout:
 
     ``copied``, ``copied_moves`` (m,): entries of x that are copied, and the directions that move them; ``kept``,
     ``kept_moves``: the same, as slices where they follow each other, which copies nothing. ``turns`` (n, 2): first
-    number and first direction of each rotation that is copied; ``turned``, ``turned_moves``: all of these. ``at_copies``,
-    ``at_turns``: where copies begin in y; ``at_copied_moves``: where their directions begin in a difference.
+    number and first direction of each rotation that is copied; ``turned``, ``turned_moves``: all of these.
+    ``at_copies``, ``at_turns``: where copies begin in y; ``at_copied_moves``: where their directions begin in a
+    difference.
     """
 
     copied: Instants

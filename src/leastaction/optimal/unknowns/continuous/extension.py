@@ -225,10 +225,10 @@ class ContinuousExtension:
             K=np.ascontiguousarray(result.K[:, :, :n]),
             projection_gain=np.ascontiguousarray(result.projection_gain[:, :, :n]),
             t=read_only(_stretched(result.t, t0, tf)),
+            feedback=_stretched_function(feedback, t0, tf),
+            projection=_stretched_function(result.projection.part(law, (len(law),)), t0, tf),
             over_time=OverTime(
                 dense=_over(dense, t0, tf),
-                feedback=_stretched_function(feedback, t0, tf),
-                projection=_stretched_function(result.projection.part(law, (len(law),)), t0, tf),
                 accuracy=result.accuracy,
                 jumps=tuple(system.true_time(np.array(result.jumps), values).tolist()),
             ),
