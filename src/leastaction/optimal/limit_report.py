@@ -13,8 +13,8 @@ from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.public import public
 
-_NAMED = 3  # limits in a sentence at the most, the worst ones
-_LITTLE = 1e-3  # of the dearest violation, below which another is not worth a word
+_NAMED = 3  # most limits that a sentence names, the worst ones
+_LITTLE = 1e-3  # price of a violation, in parts of the largest, below which it is not named
 
 
 @dataclass(frozen=True)

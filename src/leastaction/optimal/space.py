@@ -30,8 +30,8 @@ from leastaction.numerics.public import public
 Pattern = npt.NDArray[np.bool_]
 Flags = npt.NDArray[np.bool_]
 
-_STEP, _SECOND = 1e-3, 1e-2  # by which charts are moved for first and second differences of fourth order
-_UNIT = 1e-6  # by which the length of a unit quaternion may be off
+_STEP, _SECOND = 1e-3, 1e-2  # steps of first and second differences of charts, of fourth order
+_UNIT = 1e-6  # largest error of the length of a unit quaternion
 
 
 class StateSpace(ABC):

@@ -16,7 +16,7 @@ from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.differences import fourth_order
 from leastaction.optimal.system import Linearization, System, missing_unless, second_derivative
 
-_PART = 1e-3  # of a parameter, by which it is moved for differences
+_PART = 1e-3  # step of differences by a parameter, in parts of its value
 
 
 class ContinuousSystem(System):

@@ -38,10 +38,10 @@ Gapped = Literal["never", "where needed", "where left", "at once"]
 leaves it, too; from the start.
 """
 
-LONGEST_WITH_GAPS = 300  # iterations with gaps at the most
-_CLOSED = 1e-6  # gap, in parts of the states' sizes, below which it is closed after a full step
-_LOOSE = 1e-6  # part of the cost that is left to be gained where a stage with gaps is over
-_CORRECTIONS, _LEFT = 4, 0.99  # further steps that close the gaps of a full one; part of them that each may leave
+LONGEST_WITH_GAPS = 300  # most iterations with gaps
+_CLOSED = 1e-6  # largest gap, in parts of the states' sizes, that counts as closed after a full step
+_LOOSE = 1e-6  # expected decrease, in parts of the cost, at which a stage with gaps ends
+_CORRECTIONS, _LEFT = 4, 0.99  # most steps that close the gaps of a full one; largest ratio of gaps after each
 
 
 class CurveSteps(Steps):

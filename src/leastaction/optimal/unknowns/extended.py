@@ -20,8 +20,8 @@ from leastaction.optimal.result import IterationRecord, OptimizationResult
 from leastaction.optimal.system import FINAL_TIME, System
 from leastaction.optimal.unknowns.layout import ConstantsLayout
 
-_PART = 1e-3  # of a parameter, by which it is moved for differences
-_SOME = 1e-3  # of the largest entry of a direction is one that belongs to it
+_PART = 1e-3  # step of differences by a parameter, in parts of its value
+_SOME = 1e-3  # least entry of a direction that counts, in parts of the largest
 
 
 class Extended(System):

@@ -27,8 +27,8 @@ from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.system import FINAL_TIME, Linearization
 from leastaction.optimal.unknowns.extended import Extended, by_differences
 
-_BY_TIME = 1e-4  # of the horizon, by which a system that depends on time is moved for differences
-_KEPT = 64  # systems with parameters that are not made anew, as differences and roll-outs ask for them again
+_BY_TIME = 1e-4  # step of differences by time, in parts of the horizon
+_KEPT = 64  # number of systems with other parameters that are kept, as differences and roll-outs use them again
 
 
 class ExtendedContinuousSystem(Extended, ContinuousSystem):
