@@ -1,4 +1,4 @@
-"""What a class may leave out: the general way is gone where a class offers one of its own, or overrides the public one."""
+"""What a class may leave out: the general way gives way to one of its own, and to a public method of the class."""
 
 from __future__ import annotations
 
