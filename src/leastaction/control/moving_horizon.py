@@ -206,7 +206,6 @@ class _DisturbedSystem(SystemAround):
     def own_input_name(self, i: int) -> str:
         return f"w[{i}]"
 
-
     @property
     def input_names(self) -> tuple[str, ...]:
         return tuple(self.input_name(i) for i in range(self.nu))
