@@ -25,6 +25,8 @@ class TrackingCost(CostOfAccelerations):
         Weight of half the squared acceleration of each.
     """
 
+    can_be_eased = False  # a puppet whose strings move at no effort falls, and leads to no motion that pulls
+
     def __init__(
         self,
         x_reference: Array,
@@ -49,7 +51,3 @@ class TrackingCost(CostOfAccelerations):
             ndx=system.ndx,
             moves=np.stack([m.nd + each, m.nv + m.nd + each]),
         )
-
-    def eased(self, ease: float) -> None:  # noqa: ARG002
-        """Return None: a puppet whose strings move at no effort falls, and leads to no motion that pulls."""
-        return
