@@ -104,12 +104,12 @@ def test_the_cost_bends_along_negative_curvature_as_the_model_says():
         system, cost, Options(max_iterations=10, tolerance=1e-6, absolute_tolerance=0.0, chunk=64)
     )
     problem.start((np.zeros(2), np.full((N, 1), 0.1)))
-    down = problem.negative_curvature(0.0)
+    down = problem.models.negative_curvature(0.0)
     assert down is not None
     length = 1e-3
-    ahead, back = (problem.simulate(down, side, np.inf).cost for side in (length, -length))
+    ahead, back = (problem.steps.simulate(down, side, np.inf).cost for side in (length, -length))
     assert (ahead - back) / (2.0 * length) == pytest.approx(down.slope, rel=1e-4)
-    assert (ahead + back - 2.0 * problem.value) / length**2 == pytest.approx(down.bend, rel=1e-3)
+    assert (ahead + back - 2.0 * problem.here.value) / length**2 == pytest.approx(down.bend, rel=1e-3)
 
 
 def test_negative_curvature_that_holds_for_very_short_steps_only_is_not_called_wrong():

@@ -37,7 +37,7 @@ class BarrierMerit(Merit):
     None if that is not known. ``are_settled``: whether no step of the duals is needed any more.
     """
 
-    sees_walls = True
+    has_walls = True
 
     def __init__(self, limited: LimitedCost, stages: BarrierStages, here: Here) -> None:
         self.cost, self.limited, self.duals, self.stages, self.here = limited.cost, limited, limited.duals, stages, here
@@ -104,6 +104,10 @@ class BarrierMerit(Merit):
         if self._cost is None:
             self._cost = self.cost.value(self.here.x, self.here.u)
         return self._cost
+
+    def magnitude(self) -> float:
+        # Barriers are known up to a constant, and may be of either sign.
+        return self.plain_value()
 
     def guide(self, x: Array, u: Array) -> float:
         return self.duals.barrier(self.duals.room(self.limited.limits(x, u)))
@@ -282,7 +286,10 @@ class BarrierMerit(Merit):
 
     # ---- The end ----------------------------------------------------------------------------------
 
-    def left_beside_rounding(self, models: Models) -> float:
+    def settle(self) -> None:
+        self.are_settled = True
+
+    def left_beside_rounding(self, along: AlongIterate) -> float:
         """Return a decrease that is no smaller than what is left, by Newton's model with softer limits.
 
         That lies below the model itself: it has a minimum only where this has one, and expects no less. Its linear part
@@ -290,8 +297,8 @@ class BarrierMerit(Merit):
         """
         gradient = self.lagrangian_gradient()
         for softness in _SOFTER:
-            hessian = self.hessian_with(self.duals.stiffnesses(self.room(), softness), 1.0, models)
-            left = models.left_of(gradient, hessian)
+            hessian = self.hessian_with(self.duals.stiffnesses(self.room(), softness), 1.0, along)
+            left = along.left_of(gradient, hessian)
             if left is not None:
                 return left + self.duals.gap(self.room())
         return np.inf

@@ -72,9 +72,9 @@ class Run:
         """Remember what an earlier run did."""
         self.taken, self.resolved, self.nearer = memory.taken, memory.resolved, memory.nearer
         self.still, self.remark = memory.still, memory.remark
-        self.problem.note_roughness(memory.roughness)
+        self.problem.here.roughness = memory.roughness
         if memory.tells_saddles is not None:
-            self.problem.tells_saddles = memory.tells_saddles
+            self.problem.models.tells_saddles = memory.tells_saddles
         self.stalled = self.still >= self.problem.stages.patience
 
     def remembered(self, memory: Memory | None) -> Memory:
@@ -85,8 +85,8 @@ class Run:
             resolved=self.resolved,
             nearer=self.nearer,
             still=self.still,
-            roughness=self.problem.roughness,
-            tells_saddles=self.problem.tells_saddles,
+            roughness=self.problem.here.roughness,
+            tells_saddles=self.problem.models.tells_saddles,
             remark=self.remark,
         )
 
@@ -98,7 +98,7 @@ class Run:
     @property
     def asked(self) -> float:
         """The expected decrease that is small enough in the end."""
-        return self.settings.tolerance * abs(self.problem.magnitude) + self.settings.absolute_tolerance
+        return self.settings.tolerance * abs(self.problem.models.magnitude) + self.settings.absolute_tolerance
 
     @property
     def goal(self) -> float:
@@ -118,7 +118,7 @@ class Run:
     @property
     def creeps(self) -> bool:
         """Whether so little is left to be gained that no other way is likely to be the shorter one."""
-        return self.schedule.expected <= _CREEPING * abs(self.problem.value)
+        return self.schedule.expected <= _CREEPING * abs(self.problem.here.value)
 
     @property
     def foresees_end(self) -> bool:
@@ -155,7 +155,7 @@ class Run:
 
     def note_indefinite(self, scale: float) -> None:
         """Remember that a Newton model had no minimum; this part of the curvature is tried next."""
-        wary = self.schedule.expected <= _LITTLE * abs(self.problem.magnitude)
+        wary = self.schedule.expected <= _LITTLE * abs(self.problem.models.magnitude)
         self.schedule = self.schedule.after_indefinite(scale, wary=wary)
 
     def set_shift(self, shift: float) -> None:
@@ -171,12 +171,12 @@ class Run:
         ``decrease``: by how much it lowers the cost. ``agreement``: that in parts of what the model promised. ``cost``:
         that after it. ``share``: the decrease in parts of what the model had foretold of that length.
         """
-        self.still = self.still + 1 if decrease <= self.problem.noise else 0
+        self.still = self.still + 1 if decrease <= self.problem.here.noise else 0
         # Whether that is at a minimum or at a saddle is looked at before the next step.
         self.stalled = self.still >= self.problem.stages.patience
         self.schedule = self.schedule.after_step(
             direction.method, direction.curvature_scale, step.length, agreement, -direction.slope, cost,
-            held=abs(share - 1.0) < _HOLDS, free=step.rollouts == 1 and self.problem.sees_walls,
+            held=abs(share - 1.0) < _HOLDS, free=step.rollouts == 1 and self.problem.models.sees_walls,
         )  # fmt: skip
 
     def doubt_model(self) -> None:

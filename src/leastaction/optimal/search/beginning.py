@@ -165,7 +165,7 @@ class Beginning:
         if isinstance(found, Refusal):
             raise ArgumentError(f"resume: {found.reason}; expected the result of a run with this system")
         curve.recall(gaps, found)
-        self.parts.tells_saddles = False
+        self.parts.models.tells_saddles = False
 
     def recall(self, memory: Memory) -> None:
         """Remember what an earlier run did of its way."""

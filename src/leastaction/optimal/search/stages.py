@@ -85,7 +85,7 @@ class DiscreteStages(Stages):
             goal = parts.curve.tolerated(goal)
         elif parts.ease != 1.0:
             goal = max(goal, _LOOSE * abs(parts.here.value))
-        return parts.grid.tolerated(goal, parts.here.noise)
+        return parts.grid.tolerated(goal, parts.here)
 
     def relent(self) -> bool:
         """Make a stage again that led nowhere, otherwise; return whether there is another way.

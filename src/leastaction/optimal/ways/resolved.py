@@ -60,7 +60,7 @@ def _set_out(run: Run, outcome: Outcome) -> bool:
     starts = [here] if first is None else [(first.x, first.u), here]
     if not any(_can_start(within, start) for start in starts):
         return False
-    steps = [step.angle for step in (asked.worst_step, outcome.refused) if step is not None]
+    steps = [step.angle for step in (asked.here.worst_step, outcome.refused) if step is not None]
     run.resolved, run.problem, run.asked_problem = Resolved(asked.parts.place(), max(steps, default=0.0)), within, asked
     run.begin_again("", "began again, among motions that the steps of time resolve")
     return True
@@ -88,7 +88,8 @@ def _drop(run: Run, outcome: Outcome) -> bool:
         why = "the steps of time resolve the motion: it goes on without that limit"
     else:
         before = state.before
-        if outcome.status is not Status.INFEASIBLE and within.shown <= asked.parts.asked.value(before.x, before.u):
+        cheaper = within.report.shown <= asked.parts.asked.value(before.x, before.u)
+        if outcome.status is not Status.INFEASIBLE and cheaper:
             return False
         asked.beginning.go_on_from(before.x, before.u, None)
         why = "what the steps of time resolve led nowhere: back to where it stood"
