@@ -868,7 +868,7 @@ def test_stages_end_without_a_model_that_only_says_so(
     solved, minimise = [], Models.minimise
 
     def counted(self: Models, method: str, scale: float, shift: float = 0.0):
-        solved.append(self.parts.barrier.duals.mu)
+        solved.append(self.merit.duals.mu)
         return minimise(self, method, scale, shift)
 
     monkeypatch.setattr(Models, "minimise", counted)

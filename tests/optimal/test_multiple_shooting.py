@@ -550,7 +550,7 @@ def test_gaps_that_hardly_shrink_are_not_closed_at_any_price():
     nothing = np.zeros((2, 1))
 
     def curve(theta, cost):
-        return OpenCurve(nothing, nothing[:1], nothing[:1], nothing[:1], theta, cost, None, cost)
+        return OpenCurve(nothing, nothing[:1], nothing[:1], nothing[:1], theta, theta, cost, None, cost)
 
     now, penalty = curve(theta=1.0, cost=2.0), 3.0
     takes = partial(Filter(1.0).takes, now, length=1.0, fall=-1.0, noise=0.0, penalty=penalty)

@@ -431,7 +431,7 @@ def test_a_run_that_began_again_is_resumed_within_its_stages():
     whole = optimize(given.system, given.cost, initial=(given.x, given.u), shooting="single", max_iterations=60)
     part = optimize(given.system, given.cost, initial=(given.x, given.u), shooting="single", max_iterations=23)
     assert part.status is Status.ITERATION_LIMIT
-    assert part.memory.ease > 1.0
+    assert part.state.begun.ease > 1.0
     assert "times as dear as asked for" in part.message
     for more in (14, 23):
         part = optimize(given.system, given.cost, resume=part, shooting="single", max_iterations=more)
@@ -452,8 +452,8 @@ def test_a_cost_without_an_easier_one_begins_again_otherwise():
     given = BY_NAME[LOST].build()
     cost, own = given.cost, own_cost(given)
     result = optimize(given.system, own, initial=(given.x, given.u))
-    assert "easing" not in result.memory.taken
-    assert "resolved" in result.memory.taken
+    assert "easing" not in result.state.run.taken
+    assert "resolved" in result.state.run.taken
     assert result.status is Status.CONVERGED
     assert certify(given, result.x, result.u).minimum
     assert own.eased(10.0) is None

@@ -31,11 +31,11 @@ from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.merit import BarrierMerit
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.memory import Memory, OnMesh
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.search.grid import TimeGrid
 from leastaction.optimal.search.problem import DiscreteProblem
+from leastaction.optimal.state import OnMesh, SearchState
 
 # Pieces of the first mesh, and of the last one at most; how often it is made finer.
 _FIRST, _FIRST_MOST, _MOST, _ROUNDS = 16, 128, 1500, 9
@@ -107,7 +107,7 @@ class Collocation:
         own = self.own
         own.resume(result)
         self._times(own.here.trajectory.t0, own.here.trajectory.tf)
-        mesh = None if result.memory is None else result.memory.mesh
+        mesh = None if result.state is None else result.state.mesh
         if mesh is None:
             raise ArgumentError(
                 "resume: got a result that was not found on a mesh, expected one with the limits of this call. Give it "
@@ -198,7 +198,7 @@ class MeshGrid(TimeGrid):
     def resume(self, mesh: OnMesh, result: OptimizationResult) -> DiscreteProblem:
         """Return the problem where an earlier run ended."""
         problem = self._problem()
-        here, gaps = problem.parts.here, None if result.memory is None else result.memory.gaps
+        here, gaps = problem.parts.here, None if result.state is None else result.state.gaps
         here.move(mesh.x, mesh.u, None)
         here.gain, here.value = mesh.gain, problem.parts.plain.cost.value(mesh.x, mesh.u)
         if gaps is not None:
@@ -363,8 +363,8 @@ class MeshGrid(TimeGrid):
         mesh = OnMesh(self.mesh.breaks, here.x, here.u, here.gain.copy(), self.rounds, self.moved or here.moved)
         limits = self._report(problem) if self.sides else None
         curve = problem.parts.curve
-        memory = Memory(mesh=mesh, gaps=None if curve is None else curve.memory())
-        return replace(found, u=u, limits=limits, gap=here.gap, memory=memory)
+        state = SearchState(mesh=mesh, gaps=None if curve is None else curve.state())
+        return replace(found, u=u, limits=limits, gap=here.gap, state=state)
 
     def _report(self, problem: DiscreteProblem) -> LimitReport:
         """Return the report of the limits as they were stated."""

@@ -29,8 +29,8 @@ from leastaction.optimal.iterates.models import Models, least_of
 from leastaction.optimal.iterates.trial import is_too_coarse
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import Steps, along_parabola
-from leastaction.optimal.memory import Gaps
 from leastaction.optimal.space import apart, moved_by
+from leastaction.optimal.state import Gaps
 
 Gapped = Literal["never", "where needed", "where left", "at once"]
 """When steps may have gaps: never; where the start cannot be projected, or a way begins with them; where its projection
@@ -119,9 +119,9 @@ class CurveSteps(Steps[LinearQuadraticSolution, DiscreteDirection, Iterate]):
             f"what is returned is {returned}."
         )
 
-    # ---- Memory -----------------------------------------------------------------------------------
+    # ---- State ------------------------------------------------------------------------------------
 
-    def memory(self) -> Gaps:
+    def state(self) -> Gaps:
         """Return what resuming needs of it."""
         here, costates = self.models.here, self.models.costates
         if costates is None:

@@ -6,7 +6,7 @@ from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.iterates.gap_filter import OpenCurve
 from leastaction.optimal.line_search import rounding_of
-from leastaction.optimal.memory import Place
+from leastaction.optimal.state import Place
 
 
 class Here:

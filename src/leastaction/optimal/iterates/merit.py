@@ -83,11 +83,11 @@ class Merit(ABC):
 
     @abstractmethod
     def followed(self, direction: DiscreteDirection, along: AlongIterate) -> DiscreteDirection:
-        """Return a direction with what it changes of the limits."""
+        """Return a direction that was found, with what it changes of the limits where that is told in the end."""
 
     @abstractmethod
     def refined(self, direction: DiscreteDirection, along: AlongIterate, *, holds: bool) -> DiscreteDirection:
-        """Return what to follow in the place of a direction, by more of the same model.
+        """Return what to follow in the place of a direction, by more of the same model, with what it changes of limits.
 
         ``holds``: whether the last step lowered the cost by what its model had foretold.
         """

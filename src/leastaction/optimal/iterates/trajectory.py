@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
@@ -57,9 +58,7 @@ class TrajectorySteps(Steps[LinearQuadraticSolution, DiscreteDirection, Iterate]
             except LeastActionError as error:
                 return Refusal(f"the initial state cannot move so far: {error}", 0, failed=True)
 
-        def explain(x: Array, refusal: Refusal) -> Refusal:
-            return self._look_for_leap(direction, length, x, refusal)
-
+        explain = partial(self._look_for_leap, direction, length)
         trial = try_projection(
             models.system,
             models.merit.cost,

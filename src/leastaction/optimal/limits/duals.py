@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -245,7 +246,8 @@ class Duals:
     def least_mu(self, digits: float) -> float:
         """Return the parameter below which the room that it leaves would be a part `digits` of a limit's size."""
         largest = self.layout.largest(self.y.flat)
-        return digits * float((largest * (self.scale.flat + self._size)).max(initial=0.0))
+        sizes = largest * (self.scale.flat + self._size)
+        return digits * max(float(sizes[sizes.argmax()]), 0.0) if sizes.size else 0.0
 
     def price(self, c: Sided, dearest: float, *, met: float | None = None, kept: float = np.inf) -> bool:
         """Set the prices of excess by the duals; whether some limit needs a price that is higher.
@@ -309,10 +311,11 @@ class Duals:
 
         Nobody else writes to these: what is told outlives the run, and is saved.
         """
-        least, layout, y = max(_ACTIVE * self.mu, np.sqrt(self.mu * abs(cost))), self.layout, duals.flat
+        least, layout, y = max(_ACTIVE * self.mu, sqrt(self.mu * abs(cost))), self.layout, duals.flat
         enough = np.maximum(least / self.scale.flat, _HARDLY * layout.largest(y))
         active = np.greater(y, layout.spread(enough), out=empty(y.shape, np.bool_))
-        active |= self._in_equations
+        if self._has_equations:
+            active |= self._in_equations
         net = np.where(self._in_equations, y - y[self._other], y) if self._has_equations else y
         value, dual = read_only(c.flat), read_only(net)
         active.setflags(write=False)

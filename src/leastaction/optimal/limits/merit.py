@@ -23,7 +23,7 @@ from leastaction.optimal.limits.sides import Sided
 from leastaction.optimal.limits.stages import BarrierStages
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import along_parabola
-from leastaction.optimal.memory import Place
+from leastaction.optimal.state import Place
 
 _FAR = 5.0  # expected decrease of a step that is far from the minimum, in costs
 _SOFTER = (1e-2, 1e-4, 1e-6, 1e-8)  # parts of the largest stiffness that models know where rounding drowns the whole
@@ -205,9 +205,10 @@ class BarrierMerit(Merit):
     # ---- Directions -------------------------------------------------------------------------------
 
     def followed(self, direction: DiscreteDirection, along: AlongIterate) -> DiscreteDirection:
-        change = self.change(along.motion(direction))
-        if direction.method == "newton" and direction.curvature_scale == 1.0 and direction.shift == 0.0:
-            self.newton_change = change
+        whole = direction.method == "newton" and direction.curvature_scale == 1.0 and direction.shift == 0.0
+        if not (whole and self.stages.is_last):
+            return direction
+        self.newton_change = change = self.change(along.motion(direction))
         return changed(direction, limited=change.flat)
 
     def change(self, motion: tuple[Array, Array]) -> Sided:
@@ -216,7 +217,11 @@ class BarrierMerit(Merit):
 
     def refined(self, direction: DiscreteDirection, along: AlongIterate, *, holds: bool) -> DiscreteDirection:
         """Return the direction to where its model is least, with the barriers themselves in place of their models."""
-        if direction.limited is None or self.here.is_open:
+        if direction.bend < 0.0:
+            return direction
+        if direction.limited is None:
+            direction = changed(direction, limited=self.change(along.motion(direction)).flat)
+        if self.here.is_open:
             return direction
         if not holds:
             return promising(self.duals, self.room(), direction)
@@ -263,13 +268,13 @@ class BarrierMerit(Merit):
     def judged(
         self, trial: Trial[Iterate], bound: float, explain: Callable[[Array, Refusal], Refusal]
     ) -> Trial[Iterate] | Refusal:
-        found = trial.iterate
+        found, cost = trial
         room = self.duals.room(self.limited.limits(found.x, found.u))
-        total = trial.cost + self.duals.barrier(room)
+        total = cost + self.duals.barrier(room)
         if not total <= bound:
             reason = f"a cost with barriers of {total:.10g}, where at most {bound:.10g} was wanted"
             return explain(found.x, Refusal(reason, cost=total))
-        return Trial(found._replace(cost=trial.cost, room=room), total)
+        return Trial(Iterate(found.x, found.u, found.worst_step, cost, room), total)
 
     def move(self, direction: DiscreteDirection, to: Iterate, along: AlongIterate) -> None:
         """Move the duals with the iterate."""

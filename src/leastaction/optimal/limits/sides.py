@@ -57,10 +57,12 @@ class SideLayout:
 
     def largest(self, values: Array) -> Array:
         """Return the largest of the entries of every column, and of zero."""
-        found = np.zeros(self.columns.ends[-1])
         order, filled, begins = self._by_column
+        sorted_values = values if order is None else values.take(order, out=empty(order.shape), mode="clip")
+        if filled is None:
+            return np.maximum(np.maximum.reduceat(sorted_values, begins), 0.0)
+        found = np.zeros(self.columns.ends[-1])
         if len(filled):
-            sorted_values = values if order is None else values.take(order, out=empty(order.shape), mode="clip")
             found[filled] = np.maximum(np.maximum.reduceat(sorted_values, begins), 0.0)
         return found
 
@@ -71,11 +73,15 @@ class SideLayout:
         return np.concatenate([np.empty(0, dtype=np.intp), *each])
 
     @cached_property
-    def _by_column(self) -> tuple[Indices | None, Indices, Indices]:
-        """The entries in the order of their columns, None where they stand so; which columns have some, and where."""
+    def _by_column(self) -> tuple[Indices | None, Indices | None, Indices]:
+        """The entries in the order of their columns, None where they stand so; which columns have some, and where.
+
+        None where all columns have some.
+        """
         order = np.argsort(self.column, kind="stable")
         filled, begins = np.unique(self.column[order], return_index=True)
-        return None if (np.diff(order) == 1).all() else order, filled, begins
+        all_filled = 0 < len(filled) == self.columns.ends[-1]
+        return None if (np.diff(order) == 1).all() else order, None if all_filled else filled, begins
 
 
 class Sided:

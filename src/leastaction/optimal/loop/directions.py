@@ -176,7 +176,7 @@ class Directions:
             enough = max(enough, _STALLED_CLOSE * abs(problem.here.value))
         if expected <= enough:
             raise EndFound(Outcome(status, expected=expected))
-        if run.still >= problem.stages.patience + _STALLED_STEPS:
+        if run.state.still >= problem.stages.patience + _STALLED_STEPS:
             detail = "The cost has not fallen for several steps."
             raise EndFound(Outcome(Status.LINE_SEARCH_FAILED, detail, expected))
         return newton

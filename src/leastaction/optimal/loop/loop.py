@@ -185,4 +185,4 @@ class Loop:
             }
         )
         timings["total"] = clock.seconds
-        return changed(result, memory=run.remembered(result.memory))
+        return changed(result, state=run.remembered(result.state))

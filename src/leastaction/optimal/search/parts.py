@@ -28,10 +28,10 @@ from leastaction.optimal.limits.merit import BarrierMerit
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.limits.start import barrier_merit
 from leastaction.optimal.line_search import Refusal
-from leastaction.optimal.memory import Place, Start
 from leastaction.optimal.options import Options
 from leastaction.optimal.search.grid import TimeGrid
 from leastaction.optimal.space import sizes_of
+from leastaction.optimal.state import Place, Start
 
 
 class SearchParts:

@@ -12,10 +12,10 @@ from leastaction.numerics.frozen import changed, made
 from leastaction.optimal.discrete.linear_quadratic import regulate
 from leastaction.optimal.iterates.direction import DiscreteDirection
 from leastaction.optimal.loop import Clock, SearchReport
-from leastaction.optimal.memory import Memory
 from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.search.beginning import Beginning, Begun
+from leastaction.optimal.search.beginning import Beginning
 from leastaction.optimal.search.parts import SearchParts
+from leastaction.optimal.state import Begun, SearchState
 
 _NOTHING: Mapping[str, float] = MappingProxyType({})
 
@@ -69,10 +69,12 @@ def _result(parts: SearchParts, begun: Begun, summary: dict[str, Any]) -> Optimi
     if feedback is None:
         feedback = _final_feedback(parts)
     here, before = parts.here, begun.earlier if parts.here.is_open else None
+    gaps = None if parts.curve is None else parts.curve.state()
+    state = made(SearchState, begun=changed(begun, ease=parts.ease), gaps=gaps)
     result = made(
         OptimizationResult,
         x=here.x, u=here.u, K=read_only(feedback), projection_gain=read_only(here.gain), unknowns=_NOTHING,
-        gap=here.gap, memory=_memory(parts, begun),
+        gap=here.gap, state=state,
         limits=parts.report(before) if parts.rows else None, **summary, **parts.about,
     )  # fmt: skip
     if before is None:
@@ -90,13 +92,3 @@ def _final_feedback(parts: SearchParts) -> Array:
         return solution.K if solution.definite else regulate(*parts.models.linearize())
     except LeastActionError:
         return parts.here.gain
-
-
-def _memory(parts: SearchParts, begun: Begun) -> Memory:
-    """Return what resuming needs beside the iterate."""
-    curve = parts.curve
-    return made(
-        Memory,
-        start=begun.given, curve=begun.curve, wanted=begun.wanted, first=begun.first, earlier=begun.earlier,
-        ease=parts.ease, gaps=None if curve is None else curve.memory(),
-    )  # fmt: skip
