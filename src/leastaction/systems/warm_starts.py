@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from leastaction.errors import ArgumentError, InconsistentStartError, unknown
 from leastaction.mechanics.configuration.assembly import project_configuration, project_velocity
 from leastaction.mechanics.continuous.legendre import to_momentum, to_velocity
+from leastaction.mechanics.discrete.prescribed import inputs_along
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.arguments import single
@@ -117,7 +118,7 @@ def warm_start(
     for i, name in enumerate(new.inputs):
         if name in spoken:
             inputs[:, i] = given[:, spoken.index(name)]
-    inputs[:, new.n_inputs :] = configurations[1:, new.nq - new.nrho :]
+    inputs[:, new.n_inputs :] = inputs_along(new, configurations[:, new.first_rho :])
     return result, inputs
 
 

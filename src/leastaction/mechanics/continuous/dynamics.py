@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from leastaction import _core
 from leastaction.errors import ArgumentError, DynamicsError
 from leastaction.mechanics.continuous.acceleration import AccelerationDerivatives, Accelerations, AccelerationTensors
-from leastaction.mechanics.mechanism.arguments import configuration_on, none_prescribed_as_quaternion
+from leastaction.mechanics.mechanism.arguments import configuration_on
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, Row, as_array, as_count, as_number, require_instance, shape_of
 from leastaction.numerics.memory import MAX_BYTES, check_memory
@@ -62,7 +62,6 @@ class ContinuousDynamics:
         threads: int = 0,
     ) -> None:
         require_instance(mechanism, "mechanism", Mechanism)
-        none_prescribed_as_quaternion(mechanism, "ContinuousDynamics")
         self.constraint_damping = as_number(constraint_damping, "constraint_damping", least=0.0)
         self.constraint_stiffness = as_number(constraint_stiffness, "constraint_stiffness", least=0.0)
         self.mechanism = mechanism

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.continuous.stabilisation import ConstraintMetric
 from leastaction.mechanics.mechanism.arguments import configuration_on
-from leastaction.mechanics.mechanism.kinematics import Kinematics
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.turns import momentum_derivatives
 from leastaction.numerics.arrays import Array, as_array, as_flag, require_instance, shape_of
 from leastaction.numerics.public import public
 
@@ -106,30 +106,10 @@ def legendre_jacobian(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> Array
     m, nd, nv = mechanism, mechanism.nd, mechanism.nv
     single, (qs, vs) = _rows(m, {"q": (q, m.nq), "v": (v, nv)})
     T = np.tile(np.eye(2 * nv), (len(qs), 1, 1))
-    turns = Kinematics(m).turns
     qs = configuration_on(m, qs, "q")
     for block, at, speed in zip(T, qs, vs, strict=True):
-        _, L_vq, L_vv = m.core.hessian(at, speed)
-        block[nv : nv + nd, :nv] = L_vq[:nd]
-        block[nv : nv + nd, nv:] = L_vv[:nd]
-        p = L_vv @ speed
-        for _, by in turns:
-            # The core's coordinates of a ball are angles (cpp/continuous/turned.hpp): rates and momenta turn with them.
-            here = slice(by, by + 3)
-            block[nv : nv + nd, here] -= L_vv[:nd, here] @ _turned_rates(speed[here])
-            if by < nd:
-                block[nv + by : nv + by + 3, here] -= _turned_momenta(p[here])
+        block[nv : nv + nd, :nv], block[nv : nv + nd, nv:] = momentum_derivatives(m, at, speed)
     return T[0] if single else T
-
-
-def _turned_rates(w: Array) -> Array:
-    """Return the matrix (3, 3) of turns d in ``C(d, w)`` = (d3 w2, -d3 w1, d2 w1)."""
-    return np.array([[0.0, 0.0, w[1]], [0.0, 0.0, -w[0]], [0.0, w[0], 0.0]])
-
-
-def _turned_momenta(p: Array) -> Array:
-    """Return the matrix (3, 3) of turns d in the vector c with ``c . n = p . C(d, n)``."""
-    return np.array([[0.0, p[2], -p[1]], [0.0, 0.0, p[0]], [0.0, 0.0, 0.0]])
 
 
 def _rows(m: Mechanism, given: dict[str, tuple[ArrayLike, int]]) -> tuple[bool, list[Array]]:

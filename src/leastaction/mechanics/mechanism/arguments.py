@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import NOT_YET, ArgumentError, unknown
-from leastaction.mechanics.description.tree import Tree
+from leastaction.mechanics.description.tree import BallRotation, Tree
 from leastaction.mechanics.elements import Element, Parts
 from leastaction.numerics.arrays import Array, Row, as_array, row_by_name, shape_of
 
@@ -82,17 +82,21 @@ def configuration_on(m: Compiled, q: Array, what: str) -> Array:
     out = np.array(q)
     for rotation in m.tree.rotations:
         first = m.coordinates.index(rotation.quaternion[0])
-        numbers = out[..., first : first + 4]
-        length = np.linalg.norm(numbers, axis=-1, keepdims=True)
-        off = np.abs(length - 1.0)
-        if (off > _UNIT).any():
-            raise ArgumentError(
-                f"{what}: {', '.join(rotation.quaternion)} are a unit quaternion, scalar first, whose length is 1; got "
-                f"the length {float(length.flat[int(np.argmax(off))]):.6g}. No rotation is 1, 0, 0, 0; an angle a "
-                "about an axis e (of length 1) is cos(a/2), sin(a/2) e"
-            )
-        out[..., first : first + 4] = np.where(off > _ROUNDING, numbers / length, numbers)
+        out[..., first : first + 4] = unit_quaternions(rotation, out[..., first : first + 4], what)
     return out
+
+
+def unit_quaternions(rotation: BallRotation, numbers: Array, what: str) -> Array:
+    """Return the quaternions (..., 4) of a rotation at unit length; raise for those that are far from it."""
+    length = np.linalg.norm(numbers, axis=-1, keepdims=True)
+    off = np.abs(length - 1.0)
+    if (off > _UNIT).any():
+        raise ArgumentError(
+            f"{what}: {', '.join(rotation.quaternion)} are a unit quaternion, scalar first, whose length is 1; got "
+            f"the length {float(length.flat[int(np.argmax(off))]):.6g}. No rotation is 1, 0, 0, 0; an angle a "
+            "about an axis e (of length 1) is cos(a/2), sin(a/2) e"
+        )
+    return np.where(off > _ROUNDING, numbers / length, numbers)
 
 
 def of_unit_length(m: Compiled, q: Array) -> Array:

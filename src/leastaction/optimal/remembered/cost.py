@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from leastaction.numerics.arrays import Array
@@ -13,12 +15,14 @@ from leastaction.optimal.discrete.hessians import CostHessian
 class RememberedCost(Cost):
     """A cost of a system's own states: what is remembered costs nothing; as fit for several threads as that.
 
-    ``sizes``: the numbers of entries of its state, of directions of that, and of what is remembered.
+    ``sizes``: the numbers of entries of its state, of directions of that, and of those of what is remembered.
+    ``nothing``: returns what is remembered (..., m) where nothing is known of before states (..., nx).
     """
 
-    def __init__(self, cost: Cost, sizes: tuple[int, int, int]) -> None:
+    def __init__(self, cost: Cost, sizes: tuple[int, int, int], nothing: Callable[[Array], Array]) -> None:
         self.cost, self.nonnegative = cost, cost.nonnegative
         self.n_own, self.d_own, self.more = sizes
+        self.nothing = nothing
 
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
         return self.cost.stage_values(self._own(x), u, start)
@@ -39,7 +43,7 @@ class RememberedCost(Cost):
     @property
     def wanted_states(self) -> Array | None:
         wanted = self.cost.wanted_states
-        return None if wanted is None else self._behind(wanted)
+        return None if wanted is None else np.concatenate([wanted, self.nothing(wanted)], axis=-1)
 
     def eased(self, ease: float) -> tuple[Cost, Array] | None:
         found = self.cost.eased(ease)

@@ -75,7 +75,7 @@ class Remembered:
         projection, N, n = given.projection, self.own.N, self.own.ndx
         if projection is None:
             return given
-        more = len(self.system.needs)
+        more = self.system.memory.ndx
         if not isinstance(projection, Mapping):
             K = as_array(projection, "projection", (N, self.own.nu, n), meaning="(N, nu, nx), gains")
             return given.changed(projection=np.concatenate([K, np.zeros((*K.shape[:2], more))], axis=2))

@@ -109,7 +109,7 @@ class RateCost(AddedCost):
         sizes = system.N, system.nx, system.nu
         return _RecalledRates(
             system.cost_of(self.cost), sizes, self.weights, self.lasts, (self.places, system.n_own + memory),
-            first=system.before is not None, turned=system.nx - system.ndx,
+            first=system.before is not None, moves=(system.d_own + memory, system.ndx),
         )  # fmt: skip
 
     def _rates(self, u: Array) -> Array:
@@ -122,7 +122,7 @@ class _RecalledRates(AddedCost):
     """The same of states that hold what was applied in the step before; as fit for several threads as the other cost.
 
     ``at``: places of the inputs, and of what is remembered of them in the state. ``first``: whether that is known at
-    the first step. ``turned``: by how many numbers a state has more than directions.
+    the first step. ``moves``: where what is remembered is among the directions of a state, and their number.
     """
 
     def __init__(
@@ -134,11 +134,11 @@ class _RecalledRates(AddedCost):
         at: tuple[Places, Places],
         *,
         first: bool,
-        turned: int,
+        moves: tuple[Places, int],
     ) -> None:
         super().__init__(cost, "rates of inputs", sizes)
         self.inputs, self.memory = at
-        self.turned = turned
+        self.moves, self.ndx = moves
         prices = weights / lasts[:, None] ** 2
         prices[0] *= first
         self.prices = read_only(prices)
@@ -150,7 +150,7 @@ class _RecalledRates(AddedCost):
     def gradient(self, x: Array, u: Array) -> CostGradient:
         q, r, q_final = self.cost.gradient(x, u)
         q, r, pull = q.copy(), r.copy(), self.prices * self._changes(x[:-1], u)
-        q[:, self.memory - self.turned] -= pull
+        q[:, self.moves] -= pull
         r[:, self.inputs] += pull
         return CostGradient(q, r, q_final)
 
@@ -163,7 +163,7 @@ class _RecalledRates(AddedCost):
     def model_hessian(self, x: Array, u: Array, *, convex: bool) -> ModelHessian:
         """Return the other cost's with that of the price, which is convex, as a part of it; see `Cost`."""
         own = self.cost.model_hessian(x, u, convex=convex)
-        columns = np.concatenate([self.memory - self.turned, x.shape[1] - self.turned + self.inputs])
+        columns = np.concatenate([self.moves, self.ndx + self.inputs])
         each = self.prices[:, :, None] * np.eye(len(self.inputs))
         part = np.block([[each, -each], [-each, each]])
         return own.plus(HessianPart(columns, part)) if len(columns) else own
