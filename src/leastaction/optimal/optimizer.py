@@ -164,13 +164,13 @@ class Optimizer:
             raise ArgumentError(f"initial, resume: got {got}, expected one of them.")
         if callback is not None and not callable(callback):
             raise ArgumentError(f"callback: got {type(callback).__name__}, expected a function of an IterationRecord")
-        extension, system = self._extension, self.system if self._is_discrete else None
+        extension = self._extension
         if resume is not None:
             made = OptimizationResult if self._is_discrete else ContinuousOptimizationResult
             require_instance(resume, "resume", made, "optimize() returns one")
-        if system is not None:
+        if self._is_discrete:
             if initial is not None:
-                initial = self._checked(cast(DiscreteSystem, system), initial)
+                initial = self._checked(cast(DiscreteSystem, self.system), initial)
             # There from the system's own states, and back again.
             for way in (self._remembered, extension):
                 if way is not None:

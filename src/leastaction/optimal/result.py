@@ -183,15 +183,20 @@ _counts_of, _numbers_of = attrgetter(*_COUNTS), attrgetter(*_NUMBERS)
 
 
 class HistoryBuilder:
-    """Collects the records of the iterations, after those of an earlier run. ``cost``: of every iterate."""
+    """Collects the records of the iterations, after those of an earlier run.
+
+    ``cost``: of every iterate. ``iterations``: how many there were so far.
+    """
 
     def __init__(self, earlier: OptimizationHistory | None = None) -> None:
         self.cost: list[float] = []
+        self.iterations = 0
         self._method: list[str] = []
         self._numbers: list[tuple[float, ...]] = []
         self._counts: list[tuple[int, ...]] = []
         if earlier is not None:
             self.cost, self._method = earlier.cost.tolist(), list(earlier.method)
+            self.iterations = len(self._method)
             self._numbers, self._counts = (
                 list(zip(*(each.tolist() for each in columns), strict=True))
                 for columns in (_numbers_of(earlier), _counts_of(earlier))
@@ -207,15 +212,11 @@ class HistoryBuilder:
         """Expected decreases of the steps so far."""
         return self._column("expected_decrease")
 
-    @property
-    def iterations(self) -> int:
-        """Number of iterations so far."""
-        return len(self._method)
-
     def add(self, record: IterationRecord) -> None:
         """Add a record; iteration 0 has a cost and nothing else."""
         self.cost.append(record.cost)
         if record.iteration > 0:
+            self.iterations += 1
             self._method.append(record.method)
             self._numbers.append(_numbers_of(record))
             self._counts.append(_counts_of(record))

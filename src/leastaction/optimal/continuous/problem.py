@@ -28,12 +28,15 @@ from leastaction.optimal.result import OptimizationResult
 class ContinuousReport(SearchReport[ContinuousDirection]):
     """What is told of a search in continuous time. ``rollouts``: beside those of line searches."""
 
-    clock: Clock
-    rollouts: int
+    rollouts: int = 0
     note = undetermined = ""
 
     def __init__(self, models: ContinuousModels) -> None:
-        self.models, self.here, self.clock, self.rollouts = models, models.here, models.clock, 0
+        self.models, self.here = models, models.here
+
+    @property
+    def clock(self) -> Clock:
+        return self.models.clock
 
     @property
     def shown(self) -> float:

@@ -28,7 +28,7 @@ from leastaction.optimal.limits.barrier import (
     stiffness,
 )
 from leastaction.optimal.limits.leeway import Leeway
-from leastaction.optimal.limits.sides import Sided, SideLayout
+from leastaction.optimal.limits.sides import Sided, SideLayout, some
 from leastaction.optimal.quantity import Instants
 
 # Price of an excess, in times its multiplier; and in the end that of an equation, which is met the better the dearer it
@@ -241,7 +241,7 @@ class Duals:
         """Whether some limit is not enforced though its price is the dearest there is."""
         most = np.multiply(self.prices, _BINDING, out=empty(self.prices.shape))
         net = np.abs(self.net(), out=empty(most.shape))
-        return bool(np.count_nonzero(np.greater(net, most, out=empty(most.shape, np.bool_))))
+        return some(np.greater(net, most, out=empty(most.shape, np.bool_)))
 
     def least_mu(self, digits: float) -> float:
         """Return the parameter below which the room that it leaves would be a part `digits` of a limit's size."""

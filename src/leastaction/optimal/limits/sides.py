@@ -21,6 +21,11 @@ Entry = TypeVar("Entry", bound=np.generic)
 Indices = np.ndarray[tuple[int], np.dtype[np.intp]]
 
 
+def some(flags: NDArray[np.bool_]) -> bool:
+    """Return whether any flag is set, in a fraction of the time of `numpy.any`."""
+    return flags.size > 0 and bool(flags[flags.argmax()])
+
+
 class SideLayout:
     """Where the arrays of sides begin and end; nothing in it changes. ``shapes``: of the arrays."""
 
