@@ -13,7 +13,7 @@ from leastaction.optimal.limit_report import LimitReport
 
 @dataclass(frozen=True)
 class Place(Frozen):
-    """A trajectory that a run may go back to.
+    """A trajectory to which a run may return.
 
     ``x`` (N+1, nx), ``u`` (N, nu): the trajectory. ``gain`` (N, nu, nx): by which it was reached. ``worst_step``: its
     coarsest step.
@@ -29,7 +29,7 @@ class Place(Frozen):
 class Start(Frozen):
     """What a run began with: ``x`` (N+1, nx) or an initial state (nx,), and ``u`` (N, nu).
 
-    ``is_lost``: whether x is a curve that its projection lost. ``was_found``: whether it is that of an earlier result.
+    ``is_lost``: whether x is a curve whose projection diverged. ``was_found``: whether it is that of an earlier result.
     """
 
     x: Array
@@ -65,8 +65,8 @@ class Gaps(Frozen):
 class Resolved(Frozen):
     """A search among the motions that the steps of time resolve.
 
-    ``before``: where it was stuck without that limit. ``angle``: how far a variable turned within a step there, or in
-    what was tried last (rad).
+    ``before``: where the search without that limit ended. ``angle``: the largest angle of a step there, or in the last
+    trial (rad).
     """
 
     before: Place
@@ -75,7 +75,7 @@ class Resolved(Frozen):
 
 @dataclass(frozen=True)
 class Nearer(Frozen):
-    """Where a search ended that did not meet all limits, and what is told of these: it may be nearer than the next."""
+    """The end of a search with violated limits, and its report of them: the next search may violate them more."""
 
     place: Place
     limits: LimitReport

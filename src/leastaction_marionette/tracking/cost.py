@@ -27,6 +27,8 @@ class TrackingCost(CostOfAccelerations):
         Weight of half the squared acceleration of each.
     """
 
+    can_be_eased = False  # a puppet whose strings move at no effort falls, and leads to no motion that pulls
+
     def __init__(
         self,
         x_reference: Array,
@@ -50,7 +52,3 @@ class TrackingCost(CostOfAccelerations):
             v_rho=np.arange(v_rho.start, v_rho.stop),
             rho_next=np.arange(rho_next.start, rho_next.stop),
         )
-
-    def eased(self, ease: float) -> None:  # noqa: ARG002
-        """Return None: a puppet whose strings move at no effort falls, and leads to no motion that pulls."""
-        return

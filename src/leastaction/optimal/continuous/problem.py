@@ -18,7 +18,7 @@ from leastaction.optimal.continuous.projection import Follower, roll_out
 from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution
 from leastaction.optimal.continuous.steps import ContinuousSteps
 from leastaction.optimal.continuous.system import ContinuousSystem
-from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
+from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory, OverTime
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.loop import Clock, OneStage, Problem, SearchReport, Steps
 from leastaction.optimal.options import Options
@@ -61,11 +61,9 @@ class ContinuousReport(SearchReport[ContinuousDirection]):
             K=gain(t),
             projection_gain=self.here.gain(t)[:, : nu * nx].reshape(-1, nu, nx),
             t=t,
-            dense=self.here.trajectory,
             feedback=gain,
             projection=self.here.gain,
-            accuracy=self.models.accuracy,
-            jumps=self.models.jumps,
+            over_time=OverTime(self.here.trajectory, self.models.accuracy, self.models.jumps),
             state_names=self.models.system.state_names,
             input_names=self.models.system.input_names,
             system=self.models.system.told(),

@@ -47,6 +47,8 @@ class PricedLimits(AddedCost):
     Its second derivative is that of Gauss and Newton: without the curvature of what is limited.
     """
 
+    can_be_eased = False  # a motion near the given one is asked for, and an easier cost leads elsewhere
+
     def __init__(self, cost: Cost, system: DiscreteSystem, priced: Sequence[PricedLimit]) -> None:
         super().__init__(cost, "limits", (system.N, system.nx, system.nu))
         self._rows = tuple((rows, each.weight) for each in priced for rows in each.limit.rows(system, 1))
@@ -57,16 +59,15 @@ class PricedLimits(AddedCost):
         """Return by how much limits are off at most along a trajectory, each in its own unit."""
         return max((float(each.off.max(initial=0.0)) for each in self._broken(x, u, 0)), default=0.0)
 
-    def stage_values(self, x: Array, u: Array, start: int) -> Array:
-        values = np.array(self.cost.stage_values(x, u, start))
+    def stage_prices(self, x: Array, u: Array, start: int) -> Array:
+        prices = np.zeros(len(u))
         for each in self._broken(x, u, start):
-            np.add.at(values, each.at.k - start, 0.5 * each.weight * np.sum(each.off**2, axis=1))
-        return values
+            np.add.at(prices, each.at.k - start, 0.5 * each.weight * np.sum(each.off**2, axis=1))
+        return prices
 
-    def final_value(self, x: Array) -> float:
+    def final_price(self, x: Array) -> float:
         nothing, end = np.empty((0, self._sizes[2])), self._sizes[0]
-        price = sum(0.5 * each.weight * float(np.sum(each.off**2)) for each in self._broken(x[None, :], nothing, end))
-        return super().final_value(x) + price
+        return sum(0.5 * each.weight * float(np.sum(each.off**2)) for each in self._broken(x[None, :], nothing, end))
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
         q, r, q_final = self.cost.gradient(x, u)
@@ -80,23 +81,15 @@ class PricedLimits(AddedCost):
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the other cost's second derivatives, and those of the price; see `Cost`."""
-        return self.model_hessian(x, u, convex=False).whole()
+        return self.own_model_hessian(x, u, convex=False).whole()
 
-    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
-        """Return the other cost's, and those of the price, which are never negative; see `Cost`."""
-        return self.model_hessian(x, u, convex=True).whole()
-
-    def model_hessian(self, x: Array, u: Array, *, convex: bool) -> ModelHessian:
+    def own_model_hessian(self, x: Array, u: Array, *, convex: bool) -> ModelHessian:
         """Return either with what is by the entries that limits are of as a part of it; see `Cost`."""
         weights = Weights(self._sizes[0], self._columns)
         for each in self._broken(x, u, 0):
             jacobian, columns = self._slopes(each)
             weights.add(each.at.k, columns, jacobian, np.where(each.off > 0.0, each.weight, 0.0), None)
         return self.cost.model_hessian(x, u, convex=convex).weighed(self._columns, weights.matrices)
-
-    def eased(self, ease: float) -> None:  # noqa: ARG002
-        """Return None: what is near is not where a cheaper one would lead."""
-        return
 
     def _broken(self, x: Array, u: Array, start: int) -> Iterator[_Broken]:
         """Yield where and how far limits are off in states from an instant on, with inputs of as many or one less."""
