@@ -47,6 +47,10 @@ class ContinuousSystem(System):
         x, u = read_only(x), read_only(u)
         return np.stack([self.f(*at) for at in zip(x, u, t.tolist(), strict=True)])
 
+    def starting_at(self, t: float) -> ContinuousSystem:  # noqa: ARG002 - overridden
+        """Return the same system with initial states that are some at a time (s), where constraints change with it."""
+        return self
+
     # ---- Parameters: what can be found together with a motion ---------------------------------------
 
     def with_parameters(self, values: Mapping[str, float]) -> ContinuousSystem:
