@@ -241,8 +241,8 @@ class MechanismSystem(ContinuousSystem):
     def own_start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
         """Return the directions (nx, n) in which an initial state may move; tangent to the constraints.
 
-        With ``h(q) = 0`` and ``Dh v = 0`` they are the null space of ``[Dh, 0; v'D2h, Dh]``, among the entries that are
-        free.
+        With ``h = 0`` and ``Dh v + dh/dt = 0`` they are the null space of ``[Dh, 0; v'D2h + D dh/dt, Dh]``, among the
+        entries that are free.
         """
         m = self.mechanism
         chosen = list(range(self.nx)) if free is None else self.free_entries(free)
@@ -261,8 +261,13 @@ class MechanismSystem(ContinuousSystem):
         # Directions may be off by a difference's error: `moved_start` brings the state back onto the constraints.
         ends = moved(m, np.stack([q, q]), h * np.stack([v, -v]))
         turned = (m.constraint_jacobian(ends[0]) - m.constraint_jacobian(ends[1])) / (2.0 * h)
+        turned = turned + m.core.constraint_drift(q)[1]
         held = np.block([[Dh, np.zeros_like(Dh)], [turned, Dh]])
         return np.asarray(whole @ NullSpace.of(held[:, chosen]).basis)
+
+    def own_starting_at(self, t: float) -> MechanismSystem | None:
+        then = self.mechanism.at_time(t)
+        return None if then is self.mechanism else self._remade(then)
 
     def own_moved_start(self, x: Array, dx: Array) -> Array:
         """Return an initial state moved along its directions, and brought back onto the constraints."""

@@ -42,7 +42,7 @@ class CollocationSystem(DiscreteSystem):
     """
 
     def __init__(self, system: ContinuousSystem, mesh: RadauMesh) -> None:
-        self.system, self.mesh = system, mesh
+        self.system, self.mesh = system.starting_at(float(mesh.breaks[0])), mesh
         self.layout = NodeLayout(system.nx, system.nu)
         self.nx, self.nu, self.N = self.layout.nz, STAGES * system.nu, mesh.N
         self.has_curvature = system.has_curvature

@@ -53,6 +53,13 @@ class ContinuousSystem(System):
     def own_rates(self, x: Array, u: Array, t: Array) -> Array | None:
         """Return the same at once; None of a system that has no such way."""
 
+    def starting_at(self, t: float) -> ContinuousSystem:
+        """Return the same system, its initial states those of a time (s): constraints may change with it."""
+        return self.own_starting_at(t) or self
+
+    def own_starting_at(self, t: float) -> ContinuousSystem | None:
+        """Return it where that makes a difference; None where it makes none."""
+
     # ---- Parameters: what can be found together with a motion ---------------------------------------
 
     def with_parameters(self, values: Mapping[str, float]) -> ContinuousSystem | None:

@@ -57,7 +57,7 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
         free_start: bool | Sequence[str],
         horizon: tuple[float, float],
     ) -> None:
-        super().__init__(system, parameters, copied, free_start)
+        super().__init__(system.starting_at(horizon[0]), parameters, copied, free_start)
         self.t0, self.lasts = horizon[0], horizon[1] - horizon[0]
         self.jumps, own = system.jumps, system.state_names
         self.state_names = (*own, *self.names, *(f"{own[i]} at the start" for i in self.copied))
