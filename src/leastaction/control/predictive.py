@@ -86,7 +86,8 @@ class MPC:
     Parameters
     ----------
     system : DiscreteSystem
-        Such as a `MidpointSystem`, whose first step is the controller's period.
+        Such as a `MidpointSystem`, whose first step is the controller's period. Of more than `horizon` steps, the
+        window of it that begins at the time of the call, until its end is reached: of what changes with time.
     cost : Cost or callable
         Of `horizon` steps; of more, such as those of a whole plan, the window of it that begins at the time of the
         call, whose end is held; or a function of the time (s) that returns a cost of `horizon` steps.
@@ -157,23 +158,22 @@ class MPC:
         self.iterations = as_count(iterations, "iterations", 1)
         self.budget = None if budget is None else as_number(budget, "budget (s)", above=0.0)
         self.tolerance = as_number(tolerance, "tolerance", above=0.0)
-        times = system.times
-        self.t0, self.dt = float(times[0]), float(times[1] - times[0])
+        self._times = system.times
+        self.t0, self.dt = float(self._times[0]), float(self._times[1] - self._times[0])
         first = self._stated(self.t0)
         first.check_shapes(N, system.nx, system.nu)
         # What was given an instant ago, where something asks for it: then it is a part of the model's state.
         self._given = np.array(np.broadcast_to(getattr(first, "u_wanted", 0.0), (N, system.nu))[0])
-        needs = needed_by(self.limits, first, self.system, 1)
-        self.model = RememberingSystem(self.system, needs, before=self._given) if needs else self.system
+        self._needs = needs = needed_by(self.limits, first, self.system, 1)
+        self._from = 0  # the step of the whole system with which the model begins
+        self.model = self._modelled(self.system)
         self._limits = own_limits(self.limits) if needs else self.limits
-        self._rows = [row for limit in self._limits for row in limit.rows(self.model, 1)]
-        self._labels = [row.labels for row in self._rows]
-        self._bounds = _bounds_of_inputs(self._rows, N, system.nu)
-        self._charted = charted(self._rows, self.model.charts())
+        self._state_limits()
+        self._move = any(callable(getattr(limit, side, None)) for limit in self.limits for side in ("min", "max"))
         self._program: InteriorProgram | None = None
         self._limited: LimitedCost | None = None
         self._memory: Linearization | None = None
-        self._t = 0.0  # when the plan begins
+        self._begun = 0.0  # when the plan begins, in steps
         self._x, self.u = np.zeros((N + 1, self.model.nx)), np.zeros((N, system.nu))
         self._K = np.zeros((N, system.nu, self.model.ndx))
         self.info = PredictiveInfo(self.t0, 0.0, 0, 0, 0.0, (), np.nan, planned=False, message="not called yet")
@@ -196,8 +196,8 @@ class MPC:
         at, state = as_number(t, "t"), self._state(x)
         if self._program is None:
             return self._first(x, at, begun)
-        steps = max(0, int(np.floor((at - self._t) / self.dt + _AT_ONCE)))
-        self._move_on(steps)
+        self._move_on(max(0, int(np.floor(self._place(at) - self._begun + _AT_ONCE))))
+        self._turn_to(at)
         cost = self._cost_at(at)
         message, done, interior, violation, value = "", 0, 0, self.info.violation, np.nan
         while done < self.iterations:
@@ -234,7 +234,9 @@ class MPC:
         ArgumentError
             Wrong shapes, or no motion from there.
         """
-        at, state, N = self.t0 if t is None else as_number(t, "t"), self._state(x), self.horizon
+        at, N = self.t0 if t is None else as_number(t, "t"), self.horizon
+        self._turn_to(at)
+        state = self._state(x)
         cost, stated = self._cost_at(at), self._stated(at)
         guess: Any = getattr(stated, "u_wanted", np.zeros((N, self.system.nu))) if u is None else u
         guess = np.clip(as_array(guess, "u", (N, self.system.nu), meaning="(horizon, nu)"), *self._bounds)
@@ -242,12 +244,78 @@ class MPC:
             self.model, cost, [FromSecond(limit) for limit in self._limits], tolerance=1e-6, max_iterations=200
         )
         result = optimizer.run((state, guess))
-        self._take(result, at, cost)
+        self._take(result.x, result.u, result.K, at, cost, result.cost)
         return result
 
     def reset(self) -> None:
         """Forget the plan: the next call is a first one."""
         self._program = None
+
+    def begin(self, x: ArrayLike, u: ArrayLike, K: ArrayLike, t: float | None = None) -> None:
+        """Take a plan that is known, such as one of `optimize` with its gains: the next call goes on from it.
+
+        Parameters
+        ----------
+        x, u, K : array_like (horizon+1, nx), (horizon, nu), (horizon, nu, ndx)
+            It need not be a motion of the system: the next call rolls it out from where that is, under its gains.
+        t : float, optional
+            When it begins (s); at the first time of the system if left out.
+
+        Raises
+        ------
+        ArgumentError
+            Wrong shapes, or numbers that are not finite.
+        """
+        at, N, own = self.t0 if t is None else as_number(t, "t"), self.horizon, self.system
+        states = as_array(x, "x", (N + 1, own.nx), meaning="(horizon+1, nx)")
+        inputs = as_array(u, "u", (N, own.nu), meaning="(horizon, nu)")
+        gains = as_array(K, "K", (N, own.nu, own.ndx), meaning="(horizon, nu, ndx)")
+        self._turn_to(at)
+        if isinstance(self.model, RememberingSystem):
+            states = self.model.extended(states, inputs, before=self._given)
+            gains = np.concatenate([gains, np.zeros((N, own.nu, self.model.ndx - own.ndx))], axis=2)
+        cost = self._cost_at(at)
+        self._take(states, inputs, gains, at, cost, cost.value(read_only(states), read_only(inputs)))
+
+    # ---- The time --------------------------------------------------------------------------------
+
+    def _place(self, at: float) -> float:
+        """Return where a time is, in steps of the whole system, whose last one goes on after its end."""
+        times, N = self._times, len(self._times) - 1
+        if at >= times[-1]:
+            return float(N + (at - times[-1]) / (times[-1] - times[-2]))
+        if at <= times[0]:
+            return float((at - times[0]) / self.dt)
+        return float(np.interp(at, times, np.arange(N + 1.0)))
+
+    def _step_at(self, at: float) -> int:
+        """Return the step of the whole system that begins next to a time."""
+        return max(0, int(np.floor(self._place(at) + 0.5)))
+
+    def _turn_to(self, at: float) -> None:
+        """Have the model be the window of the whole system that begins at a time."""
+        k = min(self._step_at(at), self.whole.N - self.horizon)
+        if k != self._from:
+            self._from = k
+            self.system = self.whole.window(k, k + self.horizon)
+            self.model = self._modelled(self.system)
+            if self._move:
+                self._state_limits()
+                self._limited = None if self._limited is None else self._barred(self._limited.cost)
+
+    def _state_limits(self) -> None:
+        """State the limits over the horizon that the model has now."""
+        self._rows = [row for limit in self._limits for row in limit.rows(self.model, 1)]
+        self._labels = [row.labels for row in self._rows]
+        self._bounds = _bounds_of_inputs(self._rows, self.horizon, self.system.nu)
+        self._charted = charted(self._rows, self.model.charts())
+
+    def _barred(self, cost: Cost) -> LimitedCost:
+        return LimitedCost(cost, self._charted, self.model.ndx, self.model.nu)
+
+    def _modelled(self, system: DiscreteSystem) -> DiscreteSystem:
+        """Return a system with what it has to remember."""
+        return RememberingSystem(system, self._needs, before=self._given) if self._needs else system
 
     # ---- Parts ------------------------------------------------------------------------------------
 
@@ -290,16 +358,16 @@ class MPC:
         )  # fmt: skip
         return self._give(self.u[0])
 
-    def _take(self, result: OptimizationResult, at: float, cost: Cost) -> None:
-        """Go on from a result."""
-        self._x, self.u, self._K = np.array(result.x), np.array(result.u), np.array(result.K)
-        self._t = at
+    def _take(self, x: Array, u: Array, K: Array, at: float, cost: Cost, price: float) -> None:
+        """Go on from a plan and what it costs."""
+        self._x, self.u, self._K = np.array(x), np.array(u), np.array(K)
+        self._begun = self._place(at)
         N, ndx, nu = self.horizon, self.model.ndx, self.model.nu
-        self._limited = limited = LimitedCost(cost, self._charted, ndx, nu)
+        self._limited = limited = self._barred(cost)
         scales = limited.layout.columns.filled([rows.scale for rows in self._rows]).flat
         seen = limited.layout.largest(np.abs(limited.asked(self._x, self.u).flat))
         scales = limited.layout.spread(np.where(scales > 0.0, scales, np.maximum(seen, 1e-3)))
-        magnitude = max(abs(result.cost), _LEAST)
+        magnitude = max(abs(price), _LEAST)
         self._program = InteriorProgram(limited, (N, ndx, nu), _PRICE * magnitude, scales, magnitude)
 
     def _cost_at(self, at: float) -> Cost:
@@ -317,7 +385,7 @@ class MPC:
         whole, N = self.whole, self.horizon
         if whole.N == N:
             return cost
-        k = max(0, int(np.floor((at - self.t0) / self.dt + 0.5)))
+        k = self._step_at(at)
         if type(cost) is QuadraticCost:
             return _held(cost, k, N)
         k = min(k, whole.N - N)
@@ -327,7 +395,7 @@ class MPC:
         """Have the plan begin so many steps later; its last input, state and gain are held."""
         if not steps:
             return
-        self._t += steps * self.dt
+        self._begun += steps
         by = min(steps, self.horizon)
         for plan in (self._x, self.u, self._K):
             last = plan[-1].copy()

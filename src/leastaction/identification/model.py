@@ -76,8 +76,9 @@ class Measured:
             q[m.first_rho :] = rho[0]
             v[m.nd :] = difference(m, ends[1], ends[0])[m.nd :] / (self.t[1] - self.t[0])
         if m.nc:
-            q = project_configuration(m, q).q
-            v = project_velocity(m, q, v).v
+            now = m.at_time(self.t[0])
+            q = project_configuration(now, q).q
+            v = project_velocity(now, q, v).v
         return q, v
 
     def _start(self, system: MidpointSystem) -> Array:

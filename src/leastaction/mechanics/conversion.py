@@ -101,7 +101,7 @@ def to_discrete(
         lam = out.lam
     p = to_momentum(m, q, v)
     for k in range(1, len(times) if m.nc else 0):
-        p[k] -= 0.5 * dt[k - 1] * (m.constraint_jacobian(q[k])[:, :nd].T @ lam[k])
+        p[k] -= 0.5 * dt[k - 1] * (m.at_time(times[k]).constraint_jacobian(q[k])[:, :nd].T @ lam[k])
     v_rho = np.vstack([v[:1, nd:], differences(m, q[1:], q[:-1])[:, nd:] / dt[:, None]])
     impulses = -0.5 * (dt + np.concatenate([[0.0], dt[:-1]]))[:, None] * lam[:-1]
     message = "sampled from a motion in continuous time"
@@ -140,7 +140,7 @@ def to_continuous(run: Trajectory, *, dynamics: ContinuousDynamics | None = None
     dynamics = ContinuousDynamics(m) if dynamics is None else dynamics
     check_same_names(dynamics.mechanism, m, "dynamics")
     rho_v, rho_a = _slopes(m, run.rho, run.t)
-    v = to_velocity(m, run.q, run.p, rho_v, keep_constraints=True)
+    v = to_velocity(m, run.q, run.p, rho_v, keep_constraints=True, t=run.t)
     inputs = _at_instants(run.inputs, run.t)
     out = dynamics.accelerations(run.q, v, inputs, rho_a, run.t)
     worst = np.zeros((2, m.nc))

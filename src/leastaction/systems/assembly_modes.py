@@ -162,7 +162,7 @@ def _modes(system: MidpointSystem, cost: Cost, x: Array, u: Array) -> list[_Mode
     Variables that are enough to say where the mechanism stands are held, first of all those that inputs act on; the
     others set out from places all around.
     """
-    m = system.mechanism
+    m = system.mechanism.at_time(system.t[0])
     v_rho = x[m.nq + m.nd : m.nx]
     try:
         q = project_configuration(m, x[: m.nq], attempts=_STARTS).q
@@ -246,7 +246,7 @@ def _closes(m: Mechanism, q: Array) -> bool:
 
 def _state(system: MidpointSystem, q: Array, v: Array) -> Array:
     """Return the state (nx,) at a configuration with a velocity."""
-    return system.integrator.start(q, v).x
+    return system.integrator.start(q, v, t=float(system.t[0])).x
 
 
 def _constraints(m: Mechanism) -> dict[str, Constraint]:

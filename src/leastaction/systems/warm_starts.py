@@ -98,8 +98,8 @@ def warm_start(
         if known[i]:
             column = variables.index(name)
             velocities[:, i] = np.where(outside, 0.0, np.interp(times, t, v[:, column]))
-    configurations_onto_constraints(new, configurations, np.array(known), start)
-    velocities_onto_constraints(new, configurations, velocities, np.array(known))
+    configurations_onto_constraints(new, times, configurations, np.array(known), start)
+    velocities_onto_constraints(new, times, configurations, velocities, np.array(known))
     steps, momenta = np.diff(times), to_momentum(new, configurations, velocities)
     result = to_system.states_along(configurations, momenta, velocities[0, new.nd :])
     if start is not None:
@@ -152,17 +152,18 @@ def _motion(m: Mechanism, x: Array, t: Array) -> tuple[Array, Array]:
     if len(t) > 2:
         # Velocities over steps stand at their middles; at an instant it is the mean of two.
         v_rho = np.vstack([v_rho[:1], 0.5 * (v_rho[1:-1] + v_rho[2:]), v_rho[-1:]])
-    return q, to_velocity(m, q, p, v_rho, keep_constraints=m.nc > 0)
+    return q, to_velocity(m, q, p, v_rho, keep_constraints=m.nc > 0, t=t)
 
 
 def configurations_onto_constraints(
     m: Mechanism,
+    t: Array,
     q: Array,
     known: NDArray[np.bool_],
     start: State | None,
     reach: Callable[[int, Array], None] | None = None,
 ) -> None:
-    """Bring configurations onto the constraints, in place, by the variables not known of them if that is enough.
+    """Bring configurations at times (N+1,) onto the constraints, in place, by what is not known if that is enough.
 
     ``reach``: moves the configuration of an instant, in place, to where it is wanted; what is not known of it, and what
     is reached, begins as it was an instant before.
@@ -181,12 +182,14 @@ def configurations_onto_constraints(
                 if reach is not None:
                     reach(k, q[k])
                 if m.nc > 0:
-                    q[k] = projected(project_configuration, m, q[k], attempts=_ATTEMPTS if k == 0 else 1).q
+                    q[k] = projected(
+                        project_configuration, m.at_time(t[k]), q[k], attempts=_ATTEMPTS if k == 0 else 1
+                    ).q
         if k == 0 and start is None:
             q[k, lengths] = np.abs(q[k, lengths])  # the square of a distance is met by its mirrored length too
 
 
-def velocities_onto_constraints(m: Mechanism, q: Array, v: Array, known: NDArray[np.bool_]) -> None:
+def velocities_onto_constraints(m: Mechanism, t: Array, q: Array, v: Array, known: NDArray[np.bool_]) -> None:
     """Bring velocities onto the constraints, in place, as configurations are."""
     if m.nc == 0:
         return
@@ -194,7 +197,7 @@ def velocities_onto_constraints(m: Mechanism, q: Array, v: Array, known: NDArray
     for k in range(len(q)):
         if k > 0:
             v[k, ~known] = v[k - 1, ~known]
-        v[k] = projected(project_velocity, m, q[k], v[k]).v
+        v[k] = projected(project_velocity, m.at_time(t[k]), q[k], v[k]).v
 
 
 def _projection(m: Mechanism, known: NDArray[np.bool_]) -> Callable[..., Any]:

@@ -54,10 +54,11 @@ def plot_residuals(run: Source, *, title: str = "") -> Figure:
     motion = motion_of(run, "plot_residuals")
     m = motion.mechanism
     sets: list[tuple[str, Sequence[str], Array, Array]] = []
-    h = np.array([m.core.constraints(np.ascontiguousarray(q)) for q in motion.q]).reshape(len(motion.t), m.nc)
+    then = [m.at_time(t) for t in motion.t]
+    h = np.array([at.constraint_values(q) for at, q in zip(then, motion.q, strict=True)]).reshape(len(motion.t), m.nc)
     sets += _of_each_unit("constraint", motion, motion.t, h)
     if isinstance(motion, ContinuousTrajectory):
-        rates = [m.constraint_jacobian(q) @ v for q, v in zip(motion.q, motion.v, strict=True)]
+        rates = [at.constraint_rates(q, v) for at, q, v in zip(then, motion.q, motion.v, strict=True)]
         rates_of = np.array(rates).reshape(len(motion.t), m.nc)
         sets += _of_each_unit("its rate", motion, motion.t, rates_of, per="/s")
     t, lacking = _lacking(motion)

@@ -63,7 +63,7 @@ class VelocityProjection:
     largest : float
         Largest magnitude among the changes.
     residuals : dict of str to float
-        Dh(q) v by constraint name.
+        Rates of the constraints, Dh(q) v, by name.
     """
 
     v: Array
@@ -130,9 +130,8 @@ def check_velocity(mechanism: Mechanism, q: Array, v: Array, *, instead: str = "
     """Raise an `InconsistentStartError` unless a velocity keeps the constraints; ``instead``: what else may be done."""
     if mechanism.nc == 0:
         return
-    jacobian = mechanism.constraint_jacobian(q)
-    rate = jacobian @ v
-    size = np.abs(jacobian) @ np.abs(v)
+    rate = mechanism.constraint_rates(q, v)
+    size = np.abs(mechanism.constraint_jacobian(q)) @ np.abs(v)
     if not np.all(np.abs(rate) <= VELOCITY_TOLERANCE * np.maximum(1.0, size)):
         residuals = worst_first(dict(zip(mechanism.constraints, rate, strict=True)))
         name, value = next(iter(residuals.items()))
@@ -235,6 +234,8 @@ def project_velocity(
 ) -> VelocityProjection:
     """Return the velocity nearest to a given one that keeps the constraints: ``Dh(q) v = 0``.
 
+    Where constraints change with the time, ``Dh v + dh/dt = 0``, of `Mechanism.at_time`.
+
     Parameters
     ----------
     mechanism : Mechanism
@@ -265,12 +266,12 @@ def project_velocity(
     if mechanism.nc and len(free) and np.isfinite(jacobian).all():
         # Twice: the second pass removes the rounding that the first leaves.
         for _ in range(2):
-            rate = jacobian @ result
+            rate = mechanism.constraint_rates(q, result)
             if not np.isfinite(rate).all():
                 break
             result[free] += restoring(jacobian[:, free] / root, rate) / root
     with np.errstate(over="ignore", invalid="ignore"):
-        rate = jacobian @ result
+        rate = mechanism.constraint_rates(q, result)
         limits = tolerance * row_scales(jacobian) * max(1.0, float(np.linalg.norm(result)))
     residuals = dict(zip(mechanism.constraints, (float(r) for r in rate), strict=True))
     if not np.all(np.abs(rate) <= limits):

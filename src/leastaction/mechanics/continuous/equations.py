@@ -149,7 +149,7 @@ class Equations:
             raise ConstraintLost("the state is not finite")
         m = self.mechanism
         try:
-            q, v = project(m, x[: m.nq], x[m.nq :], self.projection.tolerance)
+            q, v = project(m.at_time(t), x[: m.nq], x[m.nq :], self.projection.tolerance)
         except np.linalg.LinAlgError as error:
             raise ConstraintLost(f"the constraints cannot be held: {error}") from None
         return np.concatenate([q, v])

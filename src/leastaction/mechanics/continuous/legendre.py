@@ -43,7 +43,13 @@ def to_momentum(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> Array:
 
 @public
 def to_velocity(
-    mechanism: Mechanism, q: ArrayLike, p: ArrayLike, v_rho: ArrayLike | None = None, *, keep_constraints: bool = False
+    mechanism: Mechanism,
+    q: ArrayLike,
+    p: ArrayLike,
+    v_rho: ArrayLike | None = None,
+    *,
+    keep_constraints: bool = False,
+    t: ArrayLike | None = None,
 ) -> Array:
     """Return the velocities that belong to momenta: ``v_d = M_dd^-1 (p - M_dk v_rho)``, then v_rho.
 
@@ -58,7 +64,9 @@ def to_velocity(
         Velocities of the kinematic variables; zero if not given.
     keep_constraints : bool, optional
         Leave out the part that the constraints stop, as they do with a discrete momentum: the nearest velocity
-        with ``Dh v = 0`` in the metric of the mass matrix.
+        with ``Dh v = 0`` in the metric of the mass matrix, or ``Dh v + dh/dt = 0``.
+    t : array_like, shape () or (N,), optional
+        Times (s), where constraints change with the time; those of `Mechanism.at_time` if not given.
 
     Returns
     -------
@@ -80,9 +88,10 @@ def to_velocity(
     if not m.core.velocities(configuration_on(m, qs, "q"), ps, rhos[0] if rhos else None, v):
         raise ArgumentError(_SINGULAR)
     if keep_constraints and m.nc:
-        for row, at in zip(v, qs, strict=True):
-            metric = ConstraintMetric(m, at)
-            row[:nd] -= metric.change(metric.jacobian @ row)
+        times = np.broadcast_to(m.time if t is None else as_array(t, "t", (), (len(qs),)), len(qs))
+        for row, at, when in zip(v, qs, times, strict=True):
+            then = m.at_time(when)
+            row[:nd] -= ConstraintMetric(then, at).change(then.constraint_rates(at, row))
     return v[0] if single else v
 
 

@@ -137,7 +137,7 @@ def simulate(
     motion = _motion(m, rho, rho_a, u, inputs, times)
     x0 = _start(m, q0, v0, motion, float(times[0]))
     if not isinstance(handling, Baumgarte):
-        check_start_consistent(m, x0[: m.nq], x0[m.nq :])
+        check_start_consistent(m.at_time(times[0]), x0[: m.nq], x0[m.nq :])
     watched = watch(events or {}, m)
     options = _options(m, method, rtol, atol, max_step, first_step, float(times[-1] - times[0]))
     seconds = None if max_seconds is None else as_number(max_seconds, "max_seconds", above=0.0)

@@ -36,5 +36,5 @@ def impulses_along(
         share = dt * (first_share if k == 0 else 1.0)
         taken, after[k] = core.momenta(q[k], q[k + 1], inputs[k], dt, share, t[k])
         before[k] = -taken
-        held[k] = lam[k] @ m.constraint_jacobian(q[k])
+        held[k] = lam[k] @ m.at_time(t[k]).constraint_jacobian(q[k])
     return Impulses(before, after, held)

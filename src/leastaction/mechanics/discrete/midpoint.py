@@ -169,7 +169,8 @@ class MidpointVI(Integrator):
         InconsistentStartError
             If q or v violates the constraints; residuals by constraint name.
         """
-        m = self.mechanism
+        when = as_number(t, "t")
+        m = self.mechanism.at_time(when)
         q0 = single(m, q)
         if self.reels:
             check_lengths(m, q0[None, :], np.array([t]))
@@ -179,15 +180,14 @@ class MidpointVI(Integrator):
             if m.nc:
                 check_consistent(m, q0)
             momentum = as_array(p, "p", (m.nd,), names=m.dynamic)
-            return state_of(m, as_number(t, "t"), np.concatenate((q0, momentum, np.zeros(m.nrho))))
+            return state_of(m, when, np.concatenate((q0, momentum, np.zeros(m.nrho))))
         v0 = None if v is None else rates(m, v)
         x = np.empty(m.nx)
-        if not m.core.start(q0, v0, CONFIGURATION_TOLERANCE, VELOCITY_TOLERANCE, x):
+        if not m.core.start(q0, v0, when, CONFIGURATION_TOLERANCE, VELOCITY_TOLERANCE, x):
             check_consistent(m, q0)
-            if v0 is not None:
-                check_velocity(m, q0, v0)
+            check_velocity(m, q0, np.zeros(m.nv) if v0 is None else v0)
             require_finite(x[m.nq :][: m.nd], "momentum", names=m.dynamic)
-        return state_in(m, as_number(t, "t"), x)
+        return state_in(m, when, x)
 
     def start_from_configurations(
         self, q0: Row, q1: ArrayLike, dt: float, *, inputs: ArrayLike | None = None, t: float = 0.0
@@ -207,11 +207,10 @@ class MidpointVI(Integrator):
         """
         m = self.mechanism
         first, second = single(m, q0, "q0"), single(m, q1, "q1")
-        for q in (first, second):
-            check_consistent(m, q)
-        h = as_time_step(dt)
+        h, end = as_time_step(dt), as_number(t, "t")
+        for q, when in ((first, end - h), (second, end)):
+            check_consistent(m.at_time(when), q)
         u = inputs_of(m, inputs)
-        end = as_number(t, "t")
         _, p = self.core.momenta(first, second, u, h, h, end - h)
         moved = differences(m, second[None], first[None])[0]
         return State(end, second.copy(), p[: m.nd], moved[m.nd :] / h)

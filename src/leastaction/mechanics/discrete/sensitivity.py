@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,7 +91,8 @@ def sensitivity(
     if dx0 is not None:
         x[0] = as_array(dx0, "dx0", (m.ndx, len(steps.names)))
     else:
-        x[0, : m.nd] = dq = start_by(vi, trajectory.q[0], steps.names, hold)
+        m = m.at_time(trajectory.t[0])
+        x[0, : m.nd] = dq = start_by(vi.like(m), trajectory.q[0], steps.names, hold)
         if v is not None:
             q, v0 = trajectory.q[0], as_array(v, "v", (m.nv,), names=m.variables)
             dv = velocity_by(m, q, v0, steps.names, dq, hold)
@@ -110,8 +111,11 @@ def start_by(vi: Integrator, q: Array, names: Sequence[str], hold: Sequence[str]
     p, _ = vi.core.momenta(q, q, none, dt, dt)
     still = np.tile(np.concatenate([q, p[: m.nd], np.zeros(m.nrho)]), (2, 1))
     inputs = np.concatenate([none, held(m, q[m.first_rho :])])[None, :]
-    dq = steps_by(vi, np.array([0.0, dt]), still, inputs, names).x[0, : m.nd]
     C = m.constraint_jacobian(q)[:, : m.nd]
+    if m.core.timed:  # its constraints do not stay where they are
+        dq = np.linalg.lstsq(C, -np.stack([_values_by(m, q, name) for name in names], axis=1), rcond=_ROUNDING)[0]
+    else:
+        dq = steps_by(vi, np.array([0.0, dt]), still, inputs, names).x[0, : m.nd]
     needed, size = C @ dq, np.abs(C) @ np.abs(dq)
     moved = np.abs(needed) > _ROUNDING * np.maximum(1.0, size)
     if not moved.any():
@@ -139,14 +143,14 @@ def start_by(vi: Integrator, q: Array, names: Sequence[str], hold: Sequence[str]
 def velocity_by(m: Mechanism, q: Array, v: Array, names: Sequence[str], dq: Array, hold: Sequence[str] | None) -> Array:
     """Return derivatives (nd, len(names)) of a velocity that keeps the constraints as they change.
 
-    ``Dh v = 0`` at the start, whose configuration changes by dq; the velocities of held variables stay.
+    ``Dh v + dh/dt = 0`` at the start, whose configuration changes by dq; the velocities of held variables stay.
     """
     dv = np.zeros_like(dq)
-    if not names or not m.nc or not np.any(v):
+    if not names or not m.nc or not (m.core.timed or np.any(v)):
         return dv
     C = m.constraint_jacobian(q)
     bends = np.stack([m.core.constraint_hessian(q, row) for row in np.eye(m.nc)])
-    turned = (np.einsum("cij,i->cj", bends, v) + rates_turned(m, C, v))[:, : m.nd] @ dq
+    turned = (np.einsum("cij,i->cj", bends, v) + rates_turned(m, C, v) + m.core.constraint_drift(q)[1])[:, : m.nd] @ dq
     turned += np.stack([_rates_by(m, q, v, name) for name in names], axis=1)
     size = np.abs(C) @ np.abs(v)
     moved = np.abs(turned) > _ROUNDING * np.maximum(1.0, size)[:, None]
@@ -170,17 +174,22 @@ def velocity_by(m: Mechanism, q: Array, v: Array, names: Sequence[str], dq: Arra
 
 
 def _rates_by(m: Mechanism, q: Array, v: Array, name: str) -> Array:
-    """Return the derivative (nc,) of ``Dh v`` by a parameter, q and v held.
+    """Return the derivative (nc,) of the constraints' rates by a parameter, q and v held."""
+    return _by_number(m, name, lambda changed: changed.constraint_rates(q, v))
+
+
+def _values_by(m: Mechanism, q: Array, name: str) -> Array:
+    """Return the derivative (nc,) of the constraints by a parameter, q held."""
+    return _by_number(m, name, lambda changed: changed.constraint_values(q))
+
+
+def _by_number(m: Mechanism, name: str, of: Callable[[Mechanism], Array]) -> Array:
+    """Return the derivative of what is asked of a mechanism by one of its parameters.
 
     By differences of fourth order; constraints are polynomials in most of their numbers, so it is exact to rounding.
     """
     value = m.parameters[name]
-
-    def rates(by: float) -> Array:
-        changed = m.with_parameters({name: value + by})
-        return changed.constraint_jacobian(q) @ v
-
-    return fourth_order(rates, _STEP * (abs(value) or 1.0))
+    return fourth_order(lambda by: of(m.with_parameters({name: value + by})), _STEP * (abs(value) or 1.0))
 
 
 def _accumulate(A: Array, added: Array, x: Array) -> None:

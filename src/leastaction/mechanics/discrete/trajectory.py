@@ -180,7 +180,7 @@ class Trajectory(BaseTrajectory[State]):
         if not self.rank_deficient:
             return {}
         instants = np.unique(np.linspace(0, self.steps, _LOOKS).astype(int))
-        found = [self.mechanism.redundancy(self.q[k]) for k in instants]
+        found = [self.mechanism.at_time(self.t[k]).redundancy(self.q[k]) for k in instants]
         result: dict[str, tuple[str, ...]] = {}
         for name in self.mechanism.constraints:
             sources = [look[name] for look in found if name in look]

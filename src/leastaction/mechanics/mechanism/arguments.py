@@ -40,6 +40,7 @@ class Compiled(ABC):
     nc: int
     nx: int
     ndx: int
+    time: float
 
     @property
     @abstractmethod

@@ -142,6 +142,7 @@ class Mechanism(Compiled):
             "nc": len(settled.constraints),
             "nx": len(coordinates) + nd + nrho,
             "ndx": 2 * (nd + nrho),
+            "time": 0.0,
         }
         vars(self).update(fields)
         if like is None:
@@ -392,6 +393,25 @@ class Mechanism(Compiled):
         result = self._of(self._plan.with_numbers(tree, numbers, self._owners), like=self.core)
         if tree is not self.tree:
             check_masses(tree, result._plan.rotors, self.variables, result.core, self.core)
+        return result.at_time(self.time)
+
+    def at_time(self, t: float) -> Mechanism:
+        """Return the same mechanism, asked about at a time: what `expressions.time` stands for where no other is told.
+
+        Constraints, forces and potentials that change with the time are those of that instant, for
+        `project_configuration`, `project_velocity`, `check_consistent` and `equilibrium` too. A run goes through its
+        own times, whatever this is.
+
+        Parameters
+        ----------
+        t : float
+            Time (s). Without `at_time` it is zero.
+        """
+        when = as_number(t, "t")
+        if not self.core.timed or when == self.time:
+            return self
+        result = Mechanism.__new__(Mechanism)
+        vars(result).update({**vars(self), "core": self.core.at_time(when), "time": when})
         return result
 
     def slots_of_elements(self, names: Sequence[str]) -> list[int] | None:
@@ -421,7 +441,8 @@ class Mechanism(Compiled):
         a prescribed motion, zero where the number has its value.
         """
         kinematic = (*self.kinematic, *lengths)
-        return self._of(replace(self._plan, tree=freed(self.tree, lengths), kinematic=kinematic, shared={}))
+        freely = self._of(replace(self._plan, tree=freed(self.tree, lengths), kinematic=kinematic, shared={}))
+        return freely.at_time(self.time)
 
     # What it may be asked: functions, each explained where it stands
 
@@ -456,6 +477,7 @@ class Mechanism(Compiled):
     constraint_values = queries.constraints.constraint_values
     constraint_residuals = queries.constraints.constraint_residuals
     constraint_jacobian = queries.constraints.constraint_jacobian
+    constraint_rates = queries.constraints.constraint_rates
     constraint_rank = queries.constraints.constraint_rank
     degrees_of_freedom = queries.constraints.degrees_of_freedom
     redundancy = queries.constraints.redundancy
@@ -536,7 +558,7 @@ class Mechanism(Compiled):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The compiled part is rebuilt from the plan, so that a mechanism can go to a worker process.
-        return Mechanism._of, (self._plan,)
+        return _restored, (self._plan, self.time)
 
     def __repr__(self) -> str:
         return (
@@ -564,3 +586,7 @@ def _build_like(builder: _core.MechanismBuilder, like: _core.Mechanism) -> _core
         return builder.build_like(like)
     except ValueError:
         return builder.build()
+
+
+def _restored(settled: Plan, t: float) -> Mechanism:
+    return Mechanism._of(settled).at_time(t)

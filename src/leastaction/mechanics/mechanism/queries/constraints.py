@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.mechanism.arguments import Compiled, batch, shaped, single
+from leastaction.mechanics.mechanism.arguments import Compiled, batch, rates, shaped, single
 from leastaction.numerics.arrays import Array, Row
 
 # Length of what is left of a gradient, as a fraction of it, below which an equation counts as dependent.
@@ -38,6 +38,12 @@ def constraint_jacobian(m: Compiled, q: Row) -> Array:
     """Return Dh(q), shape (nc, nv), at q of shape (nq,)."""
     jacobian = m.core.constraint_jacobian(single(m, q))
     return np.asarray(jacobian).reshape(m.nc, m.nv)
+
+
+def constraint_rates(m: Compiled, q: Row, v: Row) -> Array:
+    """Return the rates (nc,) of the constraints at q (nq,) and v (nv,): ``Dh v``, and dh/dt where they move by time."""
+    here, speed = single(m, q), rates(m, v)
+    return np.asarray(constraint_jacobian(m, here) @ speed + m.core.constraint_drift(here)[0])
 
 
 def constraint_rank(m: Compiled, q: Row) -> int:

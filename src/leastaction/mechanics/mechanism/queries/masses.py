@@ -29,11 +29,14 @@ class Energy:
         return self.kinetic + self.potential
 
 
-def energy(m: Compiled, q: Row, v: Row, t: ArrayLike = 0.0) -> Energy:
-    """Return the kinetic and potential energy (J) at q, v of shape (nq,), or (N, nq) for a batch, at a time (s)."""
+def energy(m: Compiled, q: Row, v: Row, t: ArrayLike | None = None) -> Energy:
+    """Return the kinetic and potential energy (J) at q, v of shape (nq,), or (N, nq) for a batch.
+
+    ``t``: times (s), one or (N,), where potentials change with the time; else that of `Mechanism.at_time`, or zero.
+    """
     values, speeds, one = batch_of_states(m, q, v)
     kinetic = np.array([m.core.kinetic_energy(*state) for state in zip(values, speeds, strict=True)])
-    times = np.broadcast_to(as_array(t, "t", (), (len(values),)), len(values))
+    times = np.broadcast_to(m.time if t is None else as_array(t, "t", (), (len(values),)), len(values))
     potential = np.array([m.core.potential_energy(*at) for at in zip(values, times, strict=True)])
     return Energy(float(kinetic[0]), float(potential[0])) if one else Energy(kinetic, potential)
 

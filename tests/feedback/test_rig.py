@@ -28,10 +28,10 @@ from leastaction import (
     tx,
     tz,
 )
+from leastaction.control.rigs.commands import reeled_in
 from leastaction.errors import ArgumentError
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.models.puppet_arm import hang, puppet_arm
-from leastaction.systems.rigs.commands import reeled_in
 from optimal.systems import rolled_out, strung_rig
 
 # Plans of strings by steps of 20 ms, jagged as they are: what is played is held to the plan, not to shorter steps.
