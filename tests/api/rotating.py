@@ -91,9 +91,8 @@ class Case:
 
     @cached_property
     def v(self) -> Array:
-        return la.project_velocity(
-            self.m, self.q, 0.2 * np.linspace(-1.0, 1.0, self.m.nv) * (np.arange(self.m.nv) < self.m.nd), hold=list(self.m.kinematic)
-        ).v
+        v = 0.2 * np.linspace(-1.0, 1.0, self.m.nv) * (np.arange(self.m.nv) < self.m.nd)
+        return la.project_velocity(self.m, self.q, v, hold=list(self.m.kinematic)).v
 
     @property
     def t(self) -> Array:
@@ -143,6 +142,8 @@ def mechanism_calls(c: Case, folder: Path) -> dict[str, Callable[[], Any]]:
         "load": lambda: la.Mechanism.load(folder / "m.yaml") == m,
         "pickle": lambda: pickle.loads(pickle.dumps((m, vi, run, c.system))),
         "with_parameters": lambda: m.with_parameters({"s.stiffness": 2.0}),
+        "with_elements": lambda: m.with_elements([la.Damping(0.1, name="more")]),
+        "degrees_of_freedom": lambda: m.degrees_of_freedom(q),
         "with_frames": lambda: m.with_frames(frame, [la.tx(0.1, name="far")]),
         "parameters": lambda: m.parameters,
         "positions": lambda: m.positions(q),
@@ -199,6 +200,7 @@ def mechanism_calls(c: Case, folder: Path) -> dict[str, Callable[[], Any]]:
         ),
         "Trajectory.reactions": lambda: run.reactions(),
         "Trajectory.save": lambda: (run.save(folder / "run.h5"), run.save(folder / "run.csv")),
+        "Trajectory.dataset": lambda: run.dataset(),
         "open": lambda: la.open(folder / "run.h5"),
         "Trajectory.to_xarray": lambda: run.to_xarray(),
         "Trajectory.to_pandas": lambda: run.to_pandas(),
@@ -215,7 +217,12 @@ def optimal_calls(c: Case, folder: Path) -> dict[str, Callable[[], Any]]:
     ball = "arm" if m.nc else "wrist"
     quaternion = run.q[:, m.coordinates.index(f"{ball}.qw") :][:, :4]
     by_law = lambda t, x: np.zeros(system.nu)  # noqa: E731
-    measured = {hinge: run[hinge], ball: quaternion, frame: wanted[frame], f"rate of {ball}.wx": run.velocity(f"{ball}.wx")}
+    measured = {
+        hinge: run[hinge],
+        ball: quaternion,
+        frame: wanted[frame],
+        f"rate of {ball}.wx": run.velocity(f"{ball}.wx"),
+    }
     lengths = {"reel": 1.5} if m.nc else {}
 
     def limited(*limits: Any, on: Any = None, **more: Any) -> Any:
@@ -227,7 +234,9 @@ def optimal_calls(c: Case, folder: Path) -> dict[str, Callable[[], Any]]:
         flow = la.MechanismSystem(m)
         Q = np.zeros(m.ndx)
         Q[: m.nv] = 1.0
-        cost = la.ContinuousQuadraticCost(c.flow.x[0], np.zeros(flow.nu), Q=Q, R=np.ones(flow.nu), Q_final=Q, space=flow)
+        cost = la.ContinuousQuadraticCost(
+            c.flow.x[0], np.zeros(flow.nu), Q=Q, R=np.ones(flow.nu), Q_final=Q, space=flow
+        )
         return la.optimize(flow, cost, horizon=(0.0, 0.12), initial=(c.flow.x[0], np.zeros(flow.nu)), max_iterations=2)
 
     def filtered(kind: str) -> Any:
@@ -238,7 +247,9 @@ def optimal_calls(c: Case, folder: Path) -> dict[str, Callable[[], Any]]:
         return kalman.predict(run.u[0])
 
     def horizon() -> Any:
-        estimator = control.MovingHorizonEstimator(system, measure=[hinge], noise=0.01, process=1e-3, x=run.x[0], horizon=3)
+        estimator = control.MovingHorizonEstimator(
+            system, measure=[hinge], noise=0.01, process=1e-3, x=run.x[0], horizon=3
+        )
         estimator.correct([0.3])
         return estimator.predict(run.u[0])
 
@@ -322,7 +333,6 @@ def optimal_calls(c: Case, folder: Path) -> dict[str, Callable[[], Any]]:
         "optimize_many": lambda: control.optimize_many(system, price, [guess, guess], workers=1, max_iterations=1),
         "identify": lambda: identified(),
         "identify with a fixed start": lambda: identified(free_start=False),
-        "play": lambda: la.play(system, (run.x, run.u)),
         "environment": lambda: gymnasium.environment(system, **drawn).reset(),
         "jax roll_out": lambda: jax.roll_out(system)(run.x[0], run.u),
         "MechanismSystem": continuous,
