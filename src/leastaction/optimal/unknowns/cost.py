@@ -75,7 +75,7 @@ class ExtendedCost(Cost):
         n, end = self.n_own, self.changes.stop
         whole = np.zeros((*rows.shape[:-1], self.nx))
         whole[..., :n] = rows
-        whole[..., end : end + len(self.system.copied)] = rows[..., self.system.kept_moves]
+        whole[..., end : end + len(self.system.copied)] = rows[..., self.system.copies.moves]
         return whole
 
     def padded(self, weight: Array) -> Array:

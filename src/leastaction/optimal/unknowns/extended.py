@@ -8,19 +8,48 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.differences import fourth_order
 from leastaction.optimal.loop import Callback
-from leastaction.optimal.quantity import Entries, as_slice
+from leastaction.optimal.quantity import Entries, Instants, as_slice
 from leastaction.optimal.result import IterationRecord, OptimizationResult
 from leastaction.optimal.system import FINAL_TIME, System
 
 _PART = 1e-3  # of a parameter, by which it is moved for differences
 _SOME = 1e-3  # of the largest entry of a direction is one that belongs to it
+
+
+class Copies(NamedTuple):
+    """What is kept of the first state, by directions, and of rotations.
+
+    ``moves`` (m,): the directions that the kept entries have. ``turns`` (n, 2): first number and first direction of
+    the rotations that are kept. ``at_turns``: where these begin in the extended state. ``at_moves``: where those of the
+    kept entries begin among its directions, with those of rotations behind them.
+    """
+
+    moves: Instants
+    turns: Instants
+    at_turns: int
+    at_moves: int
+
+    @property
+    def among(self) -> slice:
+        """Where the kept entries are among the directions of the extended state."""
+        return slice(self.at_moves, self.at_moves + len(self.moves))
+
+    @property
+    def numbers_turned(self) -> Instants:
+        """The numbers of the rotations (4n,)."""
+        return np.asarray((self.turns[:, :1] + np.arange(4)).ravel())
+
+    @property
+    def moves_turned(self) -> Instants:
+        """Their directions (3n,)."""
+        return np.asarray((self.turns[:, 1:] + np.arange(3)).ravel())
 
 
 class Extended(System):
@@ -46,20 +75,18 @@ class Extended(System):
     ) -> None:
         self.system, self.names, self.free_start = system, tuple(parameters), free_start
         self.copied = np.array(copied, dtype=np.intp)
-        self.copied_moves = self.copied if moves is None else np.array(moves, dtype=np.intp)
-        self.turns = np.array(turns, dtype=np.intp).reshape(-1, 2)
         self.n_own, self.d_own, self.nu = system.nx, system.ndx, system.nu
-        self.at_copies, self.at_copied_moves = self.n_own + len(self.names), self.d_own + len(self.names)
-        self.at_turns = self.at_copies + len(self.copied)
-        self.nx = self.at_turns + 4 * len(self.turns)
+        self.at_copies = self.n_own + len(self.names)
+        self.copies = copies = Copies(
+            self.copied if moves is None else np.array(moves, dtype=np.intp),
+            np.array(turns, dtype=np.intp).reshape(-1, 2),
+            self.at_copies + len(self.copied),
+            self.d_own + len(self.names),
+        )
+        self.nx = copies.at_turns + 4 * len(copies.turns)
         self.has_curvature = system.has_curvature
         # As a slice, which copies nothing, where they follow each other.
         self.kept: Any = as_slice(self.copied)
-        self.kept_moves: Any = as_slice(self.copied_moves)
-        turned = np.arange(4), np.arange(3)
-        self.turned, self.turned_moves = (
-            (first[:, None] + each).ravel() for first, each in zip(self.turns.T, turned, strict=True)
-        )
         # How the system's own state follows from the extended one.
         own = np.eye(self.n_own)
         self.moves = np.hstack([own, np.zeros((self.n_own, len(self.names))), own[:, self.copied]])
@@ -67,13 +94,13 @@ class Extended(System):
         if not isinstance(free_start, bool):
             free = set(system.free_entries(free_start))
         self._told = np.zeros(self.n_own if moves is None else self.d_own, dtype=np.bool_)  # by equations, of the start
-        told = [move for number, move in zip(self.copied, self.copied_moves, strict=True) if int(number) in free]
+        told = [move for number, move in zip(self.copied, copies.moves, strict=True) if int(number) in free]
         self._told[told] = True
-        for number, move in self.turns.tolist():
+        for number, move in copies.turns.tolist():
             self._told[move : move + 3] = number in free
         # Where the entries of [y; u] are among those of [x; p; u]: c moves what is kept.
-        inputs = self.at_copied_moves + np.arange(self.nu)
-        self._places = np.concatenate([np.arange(self.at_copied_moves), self.copied_moves, inputs])
+        inputs = copies.at_moves + np.arange(self.nu)
+        self._places = np.concatenate([np.arange(copies.at_moves), copies.moves, inputs])
 
     @property
     def final_time(self) -> int | None:
@@ -106,7 +133,7 @@ class Extended(System):
         """Return the system's own states of such of the extended system."""
         own = x[..., : self.n_own].copy()
         if len(self.copied):
-            own[..., self.kept] += x[..., self.at_copies : self.at_turns]
+            own[..., self.kept] += x[..., self.at_copies : self.copies.at_turns]
         return own
 
     def extended(self, x: Array, values: Array) -> Array:
@@ -114,9 +141,9 @@ class Extended(System):
         first = (x if x.ndim == 1 else x[0])[self.kept]
         whole = np.empty((*x.shape[:-1], self.nx))
         whole[..., : self.n_own], whole[..., self.n_own : self.at_copies] = x, values
-        whole[..., self.at_copies : self.at_turns] = first
+        whole[..., self.at_copies : self.copies.at_turns] = first
         whole[..., self.kept] -= first
-        whole[..., self.at_turns :] = (x if x.ndim == 1 else x[0])[self.turned]
+        whole[..., self.copies.at_turns :] = (x if x.ndim == 1 else x[0])[self.copies.numbers_turned]
         return whole
 
     # ---- Derivatives ------------------------------------------------------------------------------
@@ -140,9 +167,9 @@ class Extended(System):
     def _by_extended(self, H: Array) -> Array:
         """Return second derivatives by ``[y; u]``, given those by ``[x; p; u]``."""
         moved = H[:, self._places[:, None], self._places] if len(self.copied) else H
-        if not len(self.turns):
+        if not len(self.copies.turns):
             return moved
-        at = np.concatenate([np.arange(self.ndx - 3 * len(self.turns)), self.ndx + np.arange(self.nu)])
+        at = np.concatenate([np.arange(self.ndx - 3 * len(self.copies.turns)), self.ndx + np.arange(self.nu)])
         whole = np.zeros((len(H), self.ndx + self.nu, self.ndx + self.nu))
         whole[:, at[:, None], at] = moved
         return whole
@@ -168,10 +195,10 @@ class Extended(System):
             system = self.at(self.values(x))
             whole[:n, Z.shape[1] :] = system.start_by_parameters(own, self.names, self.free_start)
             whole[n : n + count, Z.shape[1] :] = np.eye(count)
-        copies = n + count + len(self.copied)
-        whole[n + count : copies] = whole[self.kept_moves]
-        whole[self.kept_moves] = 0.0
-        whole[copies:] = whole[self.turned_moves]
+        copies = self.copies
+        whole[copies.among] = whole[copies.moves]
+        whole[copies.moves] = 0.0
+        whole[copies.among.stop :] = whole[copies.moves_turned]
         return whole
 
     def moved_start(self, x: Array, dx: Array) -> Array:
@@ -179,7 +206,7 @@ class Extended(System):
         own = self.own(x)
         if self.free_start is not False:
             change = dx[: self.d_own].copy()
-            change[self.kept_moves] += dx[self.at_copied_moves : self.at_copied_moves + len(self.copied)]
+            change[self.copies.moves] += dx[self.copies.among]
             own = self.at(values).moved_start(own, change)
         return self.extended(own, values)
 

@@ -118,8 +118,8 @@ class Periodic(Limit):
     def _turned_back(self, extended: Extended, entries: set[int]) -> TurnedBack | None:
         """Return the rotations that return, by what each is off from the first."""
         own: System = extended.system
-        chosen = [j for j, first in enumerate(extended.turns[:, 0].tolist()) if first in entries]
-        numbers = [own.returning_name(i) for j in chosen for i in range(*_four(extended.turns[j, 0]))]
+        chosen = [j for j, first in enumerate(extended.copies.turns[:, 0].tolist()) if first in entries]
+        numbers = [own.returning_name(i) for j in chosen for i in range(*_four(extended.copies.turns[j, 0]))]
         for what in ("offset", "modulo"):
             for name in getattr(self, what):
                 if name in numbers:
@@ -129,9 +129,9 @@ class Periodic(Limit):
                     )
         if not chosen:
             return None
-        copies, directions = extended.at_turns, extended.at_copied_moves + len(extended.copied)
-        at = np.array([[extended.turns[j, 0], copies + 4 * j] for j in chosen], dtype=np.intp)
-        moves = np.array([[extended.turns[j, 1], directions + 3 * j] for j in chosen], dtype=np.intp)
+        copies, directions = extended.copies.at_turns, extended.copies.among.stop
+        at = np.array([[extended.copies.turns[j, 0], copies + 4 * j] for j in chosen], dtype=np.intp)
+        moves = np.array([[extended.copies.turns[j, 1], directions + 3 * j] for j in chosen], dtype=np.intp)
         return TurnedBack([name for i, name in enumerate(numbers) if i % 4], at, moves)
 
 

@@ -36,7 +36,7 @@ class ExtendedQuantity(QuantityView):
         super().__init__(own)
         self.system, self.of, self.changing = system, of, changing
         self.fixed = not len(changing)
-        n, nx, nu, copied, at = system.d_own, system.ndx, system.nu, system.copied_moves, system.at_copied_moves
+        n, nx, nu, copied, at = system.d_own, system.ndx, system.nu, system.copies.moves, system.copies.at_moves
         if own.by_entries:
             n, nx, copied, at = system.n_own, system.nx, system.copied, system.at_copies
         places = self._own_places(n, nu)

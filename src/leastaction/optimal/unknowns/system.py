@@ -49,12 +49,12 @@ class ExtendedSystem(Extended, DiscreteSystem):
         )
         self.N = system.N
         own = np.eye(self.d_own)
-        nothing = np.zeros((self.d_own, len(self.names))), np.zeros((self.d_own, len(self.turned_moves)))
-        self.moves = np.hstack([own, nothing[0], own[:, self.copied_moves], nothing[1]])
+        nothing = np.zeros((self.d_own, len(self.names))), np.zeros((self.d_own, len(self.copies.moves_turned)))
+        self.moves = np.hstack([own, nothing[0], own[:, self.copies.moves], nothing[1]])
         charts, self._constants = system.charts(), None
         if charts is not None:
             self._constants = ProductSpace(
-                Vectors(len(self.names) + len(self.copied)), *(Rotations() for _ in self.turns)
+                Vectors(len(self.names) + len(self.copied)), *(Rotations() for _ in self.copies.turns)
             )
             self.space = ProductSpace(charts, self._constants)
 
@@ -71,7 +71,7 @@ class ExtendedSystem(Extended, DiscreteSystem):
 
     def f(self, x: Array, u: Array, k: int) -> Array:
         own = self.at(self.values(x)).f(self.own(x), u, k)
-        own[self.kept] -= x[self.at_copies : self.at_turns]
+        own[self.kept] -= x[self.at_copies : self.copies.at_turns]
         return np.concatenate([own, x[self.n_own :]])
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
@@ -108,12 +108,12 @@ class ExtendedSystem(Extended, DiscreteSystem):
         # Constants stay, so their feedback is known beforehand.
         u, gain = ubar.copy(), K[part, :, d:].copy()
         copies = slice(len(self.names), len(self.names) + len(self.copied))
-        gain[:, :, copies] -= K[part][:, :, self.kept_moves]
+        gain[:, :, copies] -= K[part][:, :, self.copies.moves]
         u[part] -= np.einsum("kij,kj->ki", gain, apart(self._constants, constants[None], xbar[part, n:]))
         out = system.rollout(self.own(x0), self.own(xbar), u, K[:, :, :d], start, stop)
         x = np.empty((len(out.x), self.nx))
         x[:, :n], x[:, n:] = out.x, constants
-        x[:, self.kept] -= x0[self.at_copies : self.at_turns]
+        x[:, self.kept] -= x0[self.at_copies : self.copies.at_turns]
         return Rollout(x, out.u, out.steps_done, out.failure, out.worst_step, out.worst_at)
 
     def step_each(self, x: Array, u: Array) -> Rollout:
@@ -124,7 +124,7 @@ class ExtendedSystem(Extended, DiscreteSystem):
             return Rollout(x[:0], u[:0], 0, f"{self.when(0)}: {error}")
         made = system.step_each(self.own(x), u)
         ends = np.hstack([made.x, x[: len(made.x), self.n_own :]])
-        ends[:, self.kept] -= ends[:, self.at_copies : self.at_turns]
+        ends[:, self.kept] -= ends[:, self.at_copies : self.copies.at_turns]
         return replace(made, x=ends)
 
     # ---- Derivatives ------------------------------------------------------------------------------
@@ -199,8 +199,8 @@ class ExtendedSystem(Extended, DiscreteSystem):
             return last.pattern
         n, ones = self.d_own, np.ones((1, self.d_own, len(self.names)))
         A, B = self._extended(own.pattern[None, :, :n].astype(float), own.pattern[None, :, n:].astype(float), ones)
-        copies = slice(self.at_copied_moves, self.at_copied_moves + len(self.copied))
-        A[0, :n, copies] = own.pattern[:, self.copied_moves] | np.eye(n, dtype=bool)[:, self.copied_moves]
+        copies = self.copies.among
+        A[0, :n, copies] = own.pattern[:, self.copies.moves] | np.eye(n, dtype=bool)[:, self.copies.moves]
         return np.asarray(np.concatenate([A[0], B[0]], axis=1) != 0.0)
 
     def _by_parameters(self, system: DiscreteSystem, x: Array, u: Array, z: Array, start: int = 0) -> Array | None:
@@ -222,8 +222,8 @@ class ExtendedSystem(Extended, DiscreteSystem):
         np.einsum("kii->ki", whole)[:, n:] = 1.0
         if len(self.copied):
             copies = np.arange(end, end + len(self.copied))
-            whole[:, :n, copies] = A[:, :, self.kept_moves]
-            whole[:, self.copied_moves, copies] -= 1.0
+            whole[:, :n, copies] = A[:, :, self.copies.moves]
+            whole[:, self.copies.moves, copies] -= 1.0
         return whole, inputs
 
     def _read_at(self, ends: Array | None, along: Along, steps: Callable[[DiscreteSystem], Array]) -> Along:
