@@ -96,7 +96,7 @@ class Extended(System):
         self._told = np.zeros(self.n_own if moves is None else self.d_own, dtype=np.bool_)  # by equations, of the start
         told = [move for number, move in zip(self.copied, copies.moves, strict=True) if int(number) in free]
         self._told[told] = True
-        for number, move in copies.turns.tolist():
+        for number, move in turns:
             self._told[move : move + 3] = number in free
         # Where the entries of [y; u] are among those of [x; p; u]: c moves what is kept.
         inputs = copies.at_moves + np.arange(self.nu)
