@@ -248,7 +248,7 @@ def optimal_calls(c: Case, folder: Path) -> dict[str, Callable[[], Any]]:
 
     def horizon() -> Any:
         estimator = control.MovingHorizonEstimator(
-            system, measure=[hinge], noise=0.01, process=1e-3, x=run.x[0], horizon=3
+            system, measure=[hinge], noise=0.01, process={"p_*": 1e-3}, x=run.x[0], horizon=3
         )
         estimator.correct([0.3])
         return estimator.predict(run.u[0])
@@ -333,6 +333,7 @@ def optimal_calls(c: Case, folder: Path) -> dict[str, Callable[[], Any]]:
         "optimize_many": lambda: control.optimize_many(system, price, [guess, guess], workers=1, max_iterations=1),
         "identify": lambda: identified(),
         "identify with a fixed start": lambda: identified(free_start=False),
+        "play": lambda: la.play(system, (run.x, run.u)),
         "environment": lambda: gymnasium.environment(system, **drawn).reset(),
         "jax roll_out": lambda: jax.roll_out(system)(run.x[0], run.u),
         "MechanismSystem": continuous,

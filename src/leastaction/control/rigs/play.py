@@ -166,9 +166,10 @@ class _Controller:
         m = model.mechanism
         self.regulator = Regulator(model, x, u, Q, R)
         # What is off at the start keeps to the constraints.
-        unsure = _UNSURE * model.start_directions(x[0], [*m.dynamic, *(f"p_{name}" for name in m.dynamic)])
+        known = m.coordinates[: m.first_rho]
+        unsure = _UNSURE * model.start_directions(x[0], [*known, *(f"p_{name}" for name in m.dynamic)])
         self.kalman = KalmanFilter(
-            model, measure=m.coordinates[: m.first_rho], noise=max(noise, _LEAST_NOISE), process=self._surprise, x=x[0],
+            model, measure=known, noise=max(noise, _LEAST_NOISE), process=self._surprise, x=x[0],
             spread=unsure @ unsure.T,
         )  # fmt: skip
         self.given = u.copy()

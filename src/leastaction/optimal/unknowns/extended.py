@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.differences import fourth_order
@@ -32,7 +33,7 @@ class Copies(NamedTuple):
     """
 
     moves: Instants
-    turns: Instants
+    turns: NDArray[np.intp]
     at_turns: int
     at_moves: int
 
