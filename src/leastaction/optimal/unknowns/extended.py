@@ -8,49 +8,20 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.differences import fourth_order
 from leastaction.optimal.loop import Callback
-from leastaction.optimal.quantity import Entries, Instants, as_slice
+from leastaction.optimal.quantity import Entries, Instants
 from leastaction.optimal.result import IterationRecord, OptimizationResult
 from leastaction.optimal.system import FINAL_TIME, System
+from leastaction.optimal.unknowns.layout import ConstantsLayout
 
-_PART = 1e-3  # of a parameter, by which it is moved for differences
-_SOME = 1e-3  # of the largest entry of a direction is one that belongs to it
-
-
-class Copies(NamedTuple):
-    """What is kept of the first state, by directions, and of rotations.
-
-    ``moves`` (m,): the directions that the kept entries have. ``turns`` (n, 2): first number and first direction of
-    the rotations that are kept. ``at_turns``: where these begin in the extended state. ``at_moves``: where those of the
-    kept entries begin among its directions, with those of rotations behind them.
-    """
-
-    moves: Instants
-    turns: NDArray[np.intp]
-    at_turns: int
-    at_moves: int
-
-    @property
-    def among(self) -> slice:
-        """Where the kept entries are among the directions of the extended state."""
-        return slice(self.at_moves, self.at_moves + len(self.moves))
-
-    @property
-    def numbers_turned(self) -> Instants:
-        """The numbers of the rotations (4n,)."""
-        return np.asarray((self.turns[:, :1] + np.arange(4)).ravel())
-
-    @property
-    def moves_turned(self) -> Instants:
-        """Their directions (3n,)."""
-        return np.asarray((self.turns[:, 1:] + np.arange(3)).ravel())
+_PART = 1e-3  # step of differences by a parameter, in parts of its value
+_SOME = 1e-3  # least entry of a direction that counts, in parts of the largest
 
 
 class Extended(System):
@@ -75,19 +46,10 @@ class Extended(System):
         turns: Sequence[tuple[int, int]] = (),
     ) -> None:
         self.system, self.names, self.free_start = system, tuple(parameters), free_start
-        self.copied = np.array(copied, dtype=np.intp)
         self.n_own, self.d_own, self.nu = system.nx, system.ndx, system.nu
-        self.at_copies = self.n_own + len(self.names)
-        self.copies = copies = Copies(
-            self.copied if moves is None else np.array(moves, dtype=np.intp),
-            np.array(turns, dtype=np.intp).reshape(-1, 2),
-            self.at_copies + len(self.copied),
-            self.d_own + len(self.names),
-        )
-        self.nx = copies.at_turns + 4 * len(copies.turns)
-        self.has_curvature = system.has_curvature
-        # As a slice, which copies nothing, where they follow each other.
-        self.kept: Any = as_slice(self.copied)
+        self.layout = ConstantsLayout.of(system, len(self.names), copied, moves, turns)
+        self.nx = self.layout.at_turns + 4 * len(self.layout.turns)
+        self.has_curvature, self.quantities = system.has_curvature, (*system.quantities, "unknown")
         # How the system's own state follows from the extended one.
         own = np.eye(self.n_own)
         self.moves = np.hstack([own, np.zeros((self.n_own, len(self.names))), own[:, self.copied]])
@@ -95,13 +57,18 @@ class Extended(System):
         if not isinstance(free_start, bool):
             free = set(system.free_entries(free_start))
         self._told = np.zeros(self.n_own if moves is None else self.d_own, dtype=np.bool_)  # by equations, of the start
-        told = [move for number, move in zip(self.copied, copies.moves, strict=True) if int(number) in free]
+        told = [move for number, move in zip(self.copied, self.layout.copied_moves, strict=True) if int(number) in free]
         self._told[told] = True
-        for number, move in turns:
+        for number, move in self.layout.turns.tolist():
             self._told[move : move + 3] = number in free
         # Where the entries of [y; u] are among those of [x; p; u]: c moves what is kept.
-        inputs = copies.at_moves + np.arange(self.nu)
-        self._places = np.concatenate([np.arange(copies.at_moves), copies.moves, inputs])
+        inputs = self.layout.at_copied_moves + np.arange(self.nu)
+        self._places = np.concatenate([np.arange(self.layout.at_copied_moves), self.layout.copied_moves, inputs])
+
+    @property
+    def copied(self) -> Instants:
+        """Entries of the system's own state whose first values are kept."""
+        return self.layout.copied
 
     @property
     def final_time(self) -> int | None:
@@ -128,23 +95,23 @@ class Extended(System):
 
     def values(self, x: Array) -> Array:
         """Return the parameters (P,) of a state (nx,)."""
-        return np.asarray(x[self.n_own : self.at_copies])
+        return np.asarray(x[self.n_own : self.layout.at_copies])
 
     def own(self, x: Array) -> Array:
         """Return the system's own states of such of the extended system."""
         own = x[..., : self.n_own].copy()
         if len(self.copied):
-            own[..., self.kept] += x[..., self.at_copies : self.copies.at_turns]
+            own[..., self.layout.kept] += x[..., self.layout.at_copies : self.layout.at_turns]
         return own
 
     def extended(self, x: Array, values: Array) -> Array:
         """Return states (nx,) or (N+1, nx) for such of the system, with values of the parameters (P,)."""
-        first = (x if x.ndim == 1 else x[0])[self.kept]
+        first = (x if x.ndim == 1 else x[0])[self.layout.kept]
         whole = np.empty((*x.shape[:-1], self.nx))
-        whole[..., : self.n_own], whole[..., self.n_own : self.at_copies] = x, values
-        whole[..., self.at_copies : self.copies.at_turns] = first
-        whole[..., self.kept] -= first
-        whole[..., self.copies.at_turns :] = (x if x.ndim == 1 else x[0])[self.copies.numbers_turned]
+        whole[..., : self.n_own], whole[..., self.n_own : self.layout.at_copies] = x, values
+        whole[..., self.layout.at_copies : self.layout.at_turns] = first
+        whole[..., self.layout.kept] -= first
+        whole[..., self.layout.at_turns :] = (x if x.ndim == 1 else x[0])[self.layout.turned]
         return whole
 
     # ---- Derivatives ------------------------------------------------------------------------------
@@ -168,16 +135,16 @@ class Extended(System):
     def _by_extended(self, H: Array) -> Array:
         """Return second derivatives by ``[y; u]``, given those by ``[x; p; u]``."""
         moved = H[:, self._places[:, None], self._places] if len(self.copied) else H
-        if not len(self.copies.turns):
+        if not len(self.layout.turns):
             return moved
-        at = np.concatenate([np.arange(self.ndx - 3 * len(self.copies.turns)), self.ndx + np.arange(self.nu)])
+        at = np.concatenate([np.arange(self.ndx - 3 * len(self.layout.turns)), self.ndx + np.arange(self.nu)])
         whole = np.zeros((len(H), self.ndx + self.nu, self.ndx + self.nu))
         whole[:, at[:, None], at] = moved
         return whole
 
     # ---- Its start --------------------------------------------------------------------------------
 
-    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
+    def own_start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
         del free
         n, count = self.d_own, len(self.names)
         own = self.own(x)
@@ -186,38 +153,37 @@ class Extended(System):
         else:
             names = None if isinstance(self.free_start, bool) else self.free_start
             Z = self.system.start_directions(own, names)
-            # What only the equations tell of, if they do.
-            idle = self.system.idle_directions(own) if self._told.any() else np.zeros((n, 0))
-            if idle.shape[1] and self._told[idle.any(axis=1)].all():
+            # Directions that only the equations of a return determine, if they do.
+            idle = self.system.idle_directions(own) if self._told.any() else None
+            if idle is not None and idle.shape[1] and self._told[idle.any(axis=1)].all():
                 Z = np.hstack([Z, idle])
         whole = np.zeros((self.ndx, Z.shape[1] + count))
         whole[:n, : Z.shape[1]] = Z
         if count:
             system = self.at(self.values(x))
-            whole[:n, Z.shape[1] :] = system.start_by_parameters(own, self.names, self.free_start)
+            by = system.start_by_parameters(own, self.names, self.free_start)
+            whole[:n, Z.shape[1] :] = 0.0 if by is None else by
             whole[n : n + count, Z.shape[1] :] = np.eye(count)
-        copies = self.copies
-        whole[copies.among] = whole[copies.moves]
-        whole[copies.moves] = 0.0
-        whole[copies.among.stop :] = whole[copies.moves_turned]
+        copies = n + count + len(self.copied)
+        whole[n + count : copies] = whole[self.layout.kept_moves]
+        whole[self.layout.kept_moves] = 0.0
+        whole[copies:] = whole[self.layout.turned_moves]
         return whole
 
-    def moved_start(self, x: Array, dx: Array) -> Array:
+    def own_moved_start(self, x: Array, dx: Array) -> Array:
         values = self.values(x) + dx[self.d_own : self.d_own + len(self.names)]
         own = self.own(x)
         if self.free_start is not False:
             change = dx[: self.d_own].copy()
-            change[self.copies.moves] += dx[self.copies.among]
+            change[self.layout.kept_moves] += dx[
+                self.layout.at_copied_moves : self.layout.at_copied_moves + len(self.copied)
+            ]
             own = self.at(values).moved_start(own, change)
         return self.extended(own, values)
 
-    # ---- What it is asked -------------------------------------------------------------------------
+    # ---- Names and quantities -------------------------------------------------------------------------
 
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        return (*self.system.quantities, "unknown")
-
-    def input_name(self, i: int) -> str:
+    def own_input_name(self, i: int) -> str:
         name: str = self.system.input_name(i)
         return name
 
@@ -227,7 +193,7 @@ class Extended(System):
 
     def unknown_quantity(self) -> Entries:
         """Return the parameters as a quantity."""
-        return Entries(self.names, range(self.n_own, self.at_copies), of_state=True)
+        return Entries(self.names, range(self.n_own, self.layout.at_copies), of_state=True)
 
 
 def told_in_own_states(
@@ -235,7 +201,7 @@ def told_in_own_states(
     own: Callable[[Array], Array],
     result: Callable[[OptimizationResult], OptimizationResult],
 ) -> Callback | None:
-    """Return a callback that tells the given one of the system's own states.
+    """Return a callback that calls the given one with the system's own states.
 
     ``own``, ``result``: return extended states, and a result of these, as ones of the system.
     """
