@@ -34,7 +34,8 @@ from leastaction import (
 )
 from leastaction.errors import ArgumentError
 from leastaction.io.results import load_result, save_result
-from leastaction.optimal import ContinuousQuadraticCost, DiscreteSystem, LinearSystem, solve_linear_quadratic
+from leastaction.optimal import ContinuousQuadraticCost, LinearSystem, solve_linear_quadratic
+from leastaction.optimal.discrete import step_by_step
 from leastaction.optimal.discrete.linear_quadratic import sweep_forward
 from leastaction.optimal.iterates.gap_filter import Filter, OpenCurve
 from leastaction.optimal.line_search import Refusal
@@ -213,9 +214,9 @@ def test_steps_of_a_curve_are_those_of_f(rng):
     made = system.step_each(x, given.u)
     assert made.complete, made.failure
     assert made.worst_step is not None
-    plain = DiscreteSystem.step_each(system, x, given.u)
+    plain = step_by_step.step_each(system, x, given.u)
     np.testing.assert_allclose(made.x, plain.x, rtol=1e-9, atol=1e-9)
-    ours, other = system.linearize_each(x, given.u, made.x), DiscreteSystem.linearize_each(system, x, given.u, made.x)
+    ours, other = system.linearize_each(x, given.u, made.x), step_by_step.linearize(system, x, given.u)
     z = rng.normal(size=(system.N, system.nx))
     for mine, theirs in zip((*ours, ours.curvature(z)), (*other, other.curvature(z)), strict=True):
         np.testing.assert_allclose(mine, theirs, rtol=1e-6, atol=1e-6 * np.abs(theirs).max())

@@ -165,6 +165,11 @@ def test_continuous_time_is_that_of_the_twin(*, loop: bool) -> None:
     assert mine.inverse_dynamics(q, v, a, found.lam, u=u, t=t) == pytest.approx(np.zeros((4, n)), abs=1e-11)
 
 
+def test_the_rate_of_what_depends_on_the_time_alone() -> None:
+    mass = Mechanism([tx("x", mass=1.0)], [ExpressionForce(rate(time() ** 2) + rate(parameter("k", 3.0)), "x")])
+    assert simulate(mass, [0.0], None, [0.0, 1.0], rtol=1e-10)["x"][-1] == pytest.approx(1.0 / 3.0)
+
+
 def test_a_closed_form_and_the_order() -> None:
     swing = Mechanism([tx("x", mass=2.0)], [ExpressionPotential(-6.0 * variable("x") * sympy.cos(4.0 * time()))])
     t = np.linspace(0.0, 2.0, 51)

@@ -78,8 +78,8 @@ class LineSearch:
 
     It ends where the step is so short that what is expected of it drowns in the cost's noise.
 
-    ``alpha``: fraction of the expected decrease that is asked for. ``beta``: largest factor from one trial to the next.
-    The parabola through what is known may say less.
+    ``alpha``: fraction of the expected decrease that a step has to reach. ``beta``: largest factor from one trial to
+    the next. The parabola through what is known may say less.
     """
 
     alpha: float

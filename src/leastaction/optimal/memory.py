@@ -12,7 +12,7 @@ from leastaction.optimal.limit_report import LimitReport
 
 @dataclass(frozen=True)
 class Place(Frozen):
-    """A trajectory that a run may go back to.
+    """A trajectory to which a run may return.
 
     ``x`` (N+1, nx), ``u`` (N, nu): the trajectory. ``gain`` (N, nu, nx): by which it was reached. ``worst_step``: its
     coarsest step.
@@ -28,7 +28,7 @@ class Place(Frozen):
 class Start(Frozen):
     """What a run began with: ``x`` (N+1, nx) or an initial state (nx,), and ``u`` (N, nu).
 
-    ``is_lost``: whether x is a curve that its projection lost. ``was_found``: whether it is that of an earlier result.
+    ``is_lost``: whether x is a curve whose projection diverged. ``was_found``: whether it is that of an earlier result.
     """
 
     x: Array
@@ -64,8 +64,8 @@ class Gaps(Frozen):
 class Resolved(Frozen):
     """A search among the motions that the steps of time resolve.
 
-    ``before``: where it was stuck without that limit. ``angle``: how far a variable turned within a step there, or in
-    what was tried last (rad).
+    ``before``: where the search without that limit ended. ``angle``: the largest angle of a step there, or in the last
+    trial (rad).
     """
 
     before: Place
@@ -74,7 +74,7 @@ class Resolved(Frozen):
 
 @dataclass(frozen=True)
 class Nearer(Frozen):
-    """Where a search ended that did not meet all limits, and what is told of these: it may be nearer than the next."""
+    """The end of a search with violated limits, and its report of them: the next search may violate them more."""
 
     place: Place
     limits: LimitReport
@@ -99,17 +99,17 @@ class OnMesh(Frozen):
 
 @dataclass(frozen=True)
 class Memory(Frozen):
-    """What a run remembers of its way.
+    """The state of a run beside its iterate.
 
-    ``taken``: names of the ways to begin again that it has taken. ``ease``: how much dearer inputs are in this
-    stage than asked for. ``start``: what it began with, until another way is looked for from there. ``wanted``:
-    what gaps are tried from once more. ``curve``: what it was given to begin with, where there are limits.
+    ``taken``: names of the ways to begin again that it has taken. ``ease``: the factor of the weights of
+    inputs in this stage. ``start``: what it began with, until another way is looked for from there.
+    ``wanted``: what gaps are tried from once more. ``curve``: what it was given to begin with, where there are limits.
     ``first``: the trajectory that it began with. ``gaps``: None of a trajectory. ``earlier``: where it stood before
-    there were gaps, which is what is returned until they are closed. ``resolved``: None where the steps of time are
-    no limit. ``nearer``: where it ended before prices were raised. ``mesh``: where the continuous horizon is on
-    one. ``still``: steps in a row that lowered the cost by no more than its noise. ``roughness``: what the cost was
-    seen to be off by. ``tells_saddles``: whether Newton's model does, in this stage; None of files from before this
-    was kept. ``remark``: what is to be said of the next iteration.
+    there were gaps, which is what is returned until they are closed. ``resolved``: None where the steps of time are no
+    limit. ``nearer``: where it ended before prices of limits were raised. ``mesh``: where the continuous horizon is on
+    one. ``still``: steps in a row that lowered the cost by no more than its noise. ``roughness``: the error of the cost
+    that was seen. ``tells_saddles``: whether Newton's model does, in this stage; None of files from before this was
+    kept. ``remark``: a note for the next iteration.
     """
 
     taken: tuple[str, ...] = ()

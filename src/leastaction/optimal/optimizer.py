@@ -273,7 +273,7 @@ class Optimizer:
         # What is a minimum among resolved motions only says so itself.
         if result.gap > 0.0 or result.status not in (Status.CONVERGED, Status.STALLED):
             return result
-        doubts = [*([] if result.system is None else result.system.doubts(result)), *self._of_fit(result)]
+        doubts = [*([] if result.system is None else result.system.doubts(result) or []), *self._of_fit(result)]
         for doubt in doubts if warn else ():
             warn_of(doubt)
         said = [result.message, *(f"But {doubt}." for doubt in doubts)]

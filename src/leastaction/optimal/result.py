@@ -1,4 +1,4 @@
-"""What an optimisation returns, and what it tells its callback after every iteration."""
+"""What an optimisation returns, and what its callback is called with after every iteration."""
 
 from __future__ import annotations
 
@@ -278,7 +278,7 @@ class OptimizationResult(Frozen, Savable):
     state_names, input_names : tuple of str
         Names of the columns of `x` and of `u`, by which ``result["elbow"]`` finds them.
     system : System or None
-        What the system told of itself, for the `trajectory` of a mechanism; None of a system of anything else.
+        What `System.told` returned, for the `trajectory` of a mechanism; None of a system of anything else.
     """
 
     status: Status
@@ -370,7 +370,11 @@ class OptimizationResult(Frozen, Savable):
         return ("",) * len(self.input_names) if self.system is None else self.system.input_units
 
     def dataset(self) -> Dataset:
-        return dataset_of(self, self, steps=STEP)
+        found = self.own_dataset()
+        return dataset_of(self, self, steps=STEP) if found is None else found
+
+    def own_dataset(self) -> Dataset | None:
+        """Return the same of a result that has more than a file holds of its fields."""
 
     @property
     def iterations(self) -> int:
@@ -379,7 +383,7 @@ class OptimizationResult(Frozen, Savable):
 
     @property
     def success(self) -> bool:
-        """Whether the trajectory is a local minimum to the accuracy asked for or possible.
+        """Whether the trajectory is a local minimum to the wanted accuracy, or to the best possible.
 
         Of `Status.RESOLVED` among the motions that the steps of time resolve.
         """
@@ -401,7 +405,7 @@ class OptimizationResult(Frozen, Savable):
 def dataset_of(result: OptimizationResult, content: object, *, steps: str, prefix: str = "") -> Dataset:
     """Return a result as plain data.
 
-    ``content``: the dataclass that holds all of it, where the fields that all results have begin with ``prefix``.
+    ``content``: the dataclass whose fields a file holds, where the fields that all results have begin with ``prefix``.
     ``steps``: the dimension of what has a row for each input.
     """
     arrays: dict[str, Any] = {}

@@ -11,17 +11,16 @@ from leastaction.io.results.checks import check_history, check_shapes
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import ContinuousOptimizationResult, DenseTrajectory
 from leastaction.optimal.continuous.content import ContinuousContent, Pieces, common_of
+from leastaction.optimal.continuous.trajectory import OverTime
 
 
 def result_of(content: ContinuousContent) -> ContinuousOptimizationResult:
     """Return the result that a file holds."""
     return ContinuousOptimizationResult(
         **{**common_of(content.common), "t": content.t},
-        dense=DenseTrajectory(content.trajectory.function(), content.nx),
         feedback=content.feedback.function(),
         projection=content.projection.function(),
-        accuracy=content.accuracy,
-        jumps=content.jumps,
+        over_time=OverTime(DenseTrajectory(content.trajectory.function(), content.nx), content.accuracy, content.jumps),
     )
 
 

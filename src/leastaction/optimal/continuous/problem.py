@@ -31,7 +31,7 @@ from leastaction.optimal.continuous.riccati import (
     solve_samples,
 )
 from leastaction.optimal.continuous.system import ContinuousSystem
-from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
+from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory, OverTime
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.line_search import Refusal, Trial, rounding_of
 from leastaction.optimal.loop import Clock, Direction, OneStage, Problem, along_parabola
@@ -470,11 +470,9 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
             K=gain(t),
             projection_gain=self.gain(t)[:, : nu * nx].reshape(-1, nu, nx),
             t=t,
-            dense=self.trajectory,
             feedback=gain,
             projection=self.gain,
-            accuracy=self.accuracy,
-            jumps=self.jumps,
+            over_time=OverTime(self.trajectory, self.accuracy, self.jumps),
             state_names=self.system.state_names,
             input_names=self.system.input_names,
             system=self.system.told(),

@@ -7,8 +7,8 @@ of them but for the dynamics' curvature, which is weighed with the problem's cos
 the dynamics (H. G. Bock and K. J. Plitt, A multiple shooting algorithm, 1984). No step is rolled out: what the motion
 after it would amplify opens a gap instead.
 
-How far to go is told by a filter (`gap_filter`). Where a full step opens gaps by the curvature of the dynamics, another
-one closes these before it is refused.
+How far to go is decided by a filter (`gap_filter`). Where a full step opens gaps by the curvature of the dynamics,
+another one closes these before it is refused.
 
 Once the gaps are closed, the curve is projected onto a trajectory, and the iteration goes on over trajectories: it is
 there that a minimum is certified.
@@ -38,17 +38,17 @@ Gapped = Literal["never", "where needed", "where left", "at once"]
 leaves it, too; from the start.
 """
 
-LONGEST_WITH_GAPS = 300  # iterations with gaps at the most
-_CLOSED = 1e-6  # gap, in parts of the states' sizes, below which it is closed after a full step
-_LOOSE = 1e-6  # part of the cost that is left to be gained where a stage with gaps is over
-_CORRECTIONS, _LEFT = 4, 0.99  # further steps that close the gaps of a full one; part of them that each may leave
+LONGEST_WITH_GAPS = 300  # most iterations with gaps
+_CLOSED = 1e-6  # largest gap, in parts of the states' sizes, that counts as closed after a full step
+_LOOSE = 1e-6  # expected decrease, in parts of the cost, at which a stage with gaps ends
+_CORRECTIONS, _LEFT = 4, 0.99  # most steps that close the gaps of a full one; largest ratio of gaps after each
 
 
 class CurveSteps(Steps):
     """Steps from one curve with gaps to the next.
 
     ``size`` (ndx,): of the states, in which gaps are measured. ``longest``: iterations after which they are over.
-    ``penalty``: of the gaps, in what the loop is told.
+    ``penalty``: of the gaps, in the value that the loop gets.
     """
 
     def __init__(self, models: Models, size: Array, longest: int = LONGEST_WITH_GAPS) -> None:
@@ -175,7 +175,7 @@ class CurveSteps(Steps):
         self,
         direction: DiscreteDirection,
         length: float,
-        bound: float,  # noqa: ARG002 - it is the filter that tells
+        bound: float,  # noqa: ARG002 - the filter decides
     ) -> Trial[Iterate] | Refusal:
         """Return the curve at a step along the direction, its new gaps closed if need be, or why it is refused."""
         curve, among = self.curve, direction.among

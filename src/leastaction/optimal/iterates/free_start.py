@@ -1,4 +1,4 @@
-"""An initial state that is found too, and which unknown numbers nothing tells of."""
+"""An initial state that is found too, and which unknown numbers the cost does not determine."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class FreeStart:
     ) -> LinearQuadraticSolution:
         """Return a model, without a minimum if it has none over the initial state.
 
-        ``hessian``: gives the model's weights, which are asked for where it may have none.
+        ``hessian``: returns the model's weights; called where it may have no minimum.
         """
         self.flat = []
         if self.free is False or not model.definite:
@@ -80,13 +80,13 @@ class FreeStart:
         values, vectors = np.linalg.eigh(bend)
         least = float(values[0])
         if least >= -little:
-            self.flat = self.system.unknowns_along(np.abs(Z @ vectors[:, values <= little]).max(axis=1))
+            self.flat = self.system.unknowns_along(np.abs(Z @ vectors[:, values <= little]).max(axis=1)) or []
         message = f"P is not positive definite over the free initial state (smallest eigenvalue {least:.3g})."
         return replace(model, definite=False, stage=0, message=message)
 
     @property
     def undetermined(self) -> str:
-        """What is to be said of unknown numbers that nothing tells of, where a model has no minimum because of them."""
+        """Names of unknown numbers that the cost does not determine, as a message; empty where there are none."""
         if not self.flat:
             return ""
         names = " and ".join(repr(name) for name in self.flat)

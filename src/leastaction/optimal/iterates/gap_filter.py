@@ -1,9 +1,9 @@
 """Whether a curve with gaps between its steps is worth leaving another for.
 
-That is told by a filter (A. Waechter and L. T. Biegler, On the implementation of an interior-point filter line-search
-algorithm, 2006, without the barrier): a trial has to lower the cost or the sum of the gaps, against all that was left
-behind. A plain penalty of the gaps would creep: it refuses what a curved valley asks for. What closing them may cost it
-tells, though: a step on which they hardly shrink, at a cost many times as high, leads far away.
+That is decided by a filter (A. Waechter and L. T. Biegler, On the implementation of an interior-point filter
+line-search algorithm, 2006, without the barrier): a trial has to lower the cost or the sum of the gaps, against all
+earlier curves. A penalty of the gaps alone would make very short steps: it refuses steps along a curved valley. It does
+bound the cost of closing them, though: a step on which they hardly shrink, at a cost many times as high, diverges.
 """
 
 from __future__ import annotations

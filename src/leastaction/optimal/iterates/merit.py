@@ -17,7 +17,7 @@ from leastaction.optimal.system import Linearization
 
 
 class AlongIterate(Protocol):
-    """What a merit is told of the models along the iterate."""
+    """What a merit needs of the models along the iterate."""
 
     def linearize(self) -> Linearization:
         """Return the derivatives of the dynamics."""
@@ -80,7 +80,7 @@ class Merit(ABC):
     def refined(self, direction: DiscreteDirection, along: AlongIterate, *, holds: bool) -> DiscreteDirection:
         """Return what to follow in the place of a direction, by more of the same model.
 
-        ``holds``: whether the last step lowered the cost by what its model had foretold.
+        ``holds``: whether the last step lowered the cost by what its model had predicted.
         """
 
     @abstractmethod

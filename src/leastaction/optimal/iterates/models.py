@@ -148,14 +148,14 @@ class Models:
         return -2.0 * least_of(model, self.start_step(model)) if model.definite else None
 
     def tells_of_all(self, hessian: ModelHessian) -> bool:
-        """Return whether the quasi-Newton model with other weights tells of every unknown number."""
+        """Return whether the quasi-Newton model with other weights determines every unknown number."""
         model = self._minimum("quasi-newton", self.merit.gradient(), hessian, self.work.last, 0.0)
         self.start.checked(model, self.here.x[0], lambda: hessian)
         return not self.start.undetermined
 
     def last_motion(self, *, newton: bool) -> tuple[Array, Array] | None:
         """Return the motion along a direction that is not followed any more; None if there is none."""
-        # In memory of its own: the feedback that is told may stand in that of the iteration.
+        # In memory of its own: the feedback of the result may be in that of the iteration.
         method, scale = ("newton", 1.0) if newton else ("quasi-newton", 0.0)
         model = self.solve(method, self.work.last, scale)
         model = self.start.checked(model, self.here.x[0], lambda: self.merit.hessian(scale, self))

@@ -1,4 +1,4 @@
-"""Iterates that are trajectories: a step along a direction is projected, and its cost tells how far to go."""
+"""Iterates that are trajectories: a step along a direction is projected, and its cost decides how far to go."""
 
 from __future__ import annotations
 

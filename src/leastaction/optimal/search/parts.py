@@ -13,7 +13,8 @@ from leastaction.numerics.arrays import Array
 from leastaction.numerics.pool import empty, zeros
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.own_projection import own_projection
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, told_of
+from leastaction.optimal.discrete.rollout import Rollout
+from leastaction.optimal.discrete.system import DiscreteSystem, told_of
 from leastaction.optimal.iterates.curve import CurveSteps
 from leastaction.optimal.iterates.free_start import FreeStart
 from leastaction.optimal.iterates.here import Here

@@ -1,7 +1,8 @@
-"""Higher prices of what is asked at a single instant, where that was not met: it may have been too cheap.
+"""Higher prices of limits at single instants, where these are violated at the end: prices may have been too low.
 
-A motion whose duration is free may be made ever shorter, and one whose start is free may leave its bounds there, for
-what is gained elsewhere. Where higher prices come to nothing either, the end that was nearer to what is asked is told.
+A motion whose duration is free may become ever shorter, and one whose start is free may violate its bounds there, if
+the cost falls by more elsewhere. Where higher prices do not help either, the result is the end that violated limits
+less.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from leastaction.optimal.result import Status
 from leastaction.optimal.search.problem import DiscreteProblem
 
 _NAME = "prices"
-_DEARER_AGAIN = 10.0  # price of what is asked at one instant and was not met, over what it had been
+_DEARER_AGAIN = 10.0  # factor by which the price of a violated limit at a single instant is raised
 
 
 def _applies(run: Run, outcome: Outcome | None) -> bool:
@@ -35,7 +36,7 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
 
 
 def _misses_an_instant(problem: DiscreteProblem) -> bool:
-    """Whether what is asked at a single instant, or an equation, is not met."""
+    """Whether an equation, or a limit at a single instant, is violated."""
     limits = problem.parts.limits
     assert limits is not None
     sides = zip(limits.duals.sides, limits.asked(), limits.duals.scale, strict=True)
@@ -65,7 +66,7 @@ def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
 
 
 def _go_to_the_nearer(problem: DiscreteProblem, place: Place, report: LimitReport) -> bool:
-    """Go back to an earlier end with its duals, if that was nearer to what is asked for; whether it was."""
+    """Go back to an earlier end with its duals, if that violated limits less; return whether it did."""
     limits = problem.parts.limits
     assert limits is not None
     asked, scales = limits.limited.asked(place.x, place.u).flat, limits.duals.scales
