@@ -97,13 +97,11 @@ class MechanismSystem(ContinuousSystem):
         return rates
 
     def roll_out_pieces(
-        self, h: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
+        self, h: Array, t: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
     ) -> int:
-        if self.space is not None or self.mechanism.core.timed:
-            return 0  # the core goes on in plain vectors and without the time
         if not keeps(self, MechanismSystem, "rates", "own_rates", "f"):
             return 0  # its own rates count
-        return self.dynamics.core.roll_out_pieces(h, matrix, *reference, K, z, u)
+        return self.dynamics.core.roll_out_pieces(h, t, matrix, *reference, K, z, u)
 
     def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:
         A, B = self.linearize(x[None, :], u[None, :], np.array([t]))

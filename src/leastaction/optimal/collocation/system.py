@@ -136,7 +136,7 @@ class CollocationSystem(DiscreteSystem):
         reference = np.ascontiguousarray(xbar[begin : pieces.stop + 1]), np.ascontiguousarray(ubar[rest])
         try:
             done = self.system.roll_out_pieces(
-                self.mesh.h[rest], MATRIX, reference, np.ascontiguousarray(K[rest]), x[here], u[here]
+                self.mesh.h[rest], self.mesh.t[rest], MATRIX, reference, np.ascontiguousarray(K[rest]), x[here], u[here]
             )
             return begin + (done or 0)
         except (LeastActionError, ArithmeticError):

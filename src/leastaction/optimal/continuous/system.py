@@ -86,7 +86,7 @@ class ContinuousSystem(System):
     # ---- Samples ------------------------------------------------------------------------------------
 
     def roll_out_pieces(
-        self, h: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
+        self, h: Array, t: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
     ) -> int | None:
         """Simulate pieces of a mesh under a feedback, as far as it succeeds; return how many pieces that are.
 
@@ -96,12 +96,14 @@ class ContinuousSystem(System):
         ----------
         h : ndarray (n,)
             Lengths of the pieces (s).
+        t : ndarray (n, points)
+            Times of their points (s).
         matrix : ndarray (points, points)
             Of the method.
         reference : ndarray (n+1, nz) and (n, points * nu)
             States of the discrete system, and inputs.
-        K : ndarray (n, points * nu, nz)
-            Gains.
+        K : ndarray (n, points * nu, ndz)
+            Gains, on differences of these states.
         z, u : ndarray (n+1, nz) and (n, points * nu)
             Written to, but for the first state, which is given.
         """
