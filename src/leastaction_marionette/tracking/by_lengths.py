@@ -41,7 +41,7 @@ def by_lengths(plan: TrackingPlan, result: OptimizationResult) -> OptimizationRe
     # Rods push where strings lose their grip: what has gone another way there is another motion.
     if done.complete and np.abs(done.x[:, :nq] - x[:, :nq]).max() < _SAME:
         x, u = done.x, done.u
-    return replace(result, x=x, u=u, K=K, projection_gain=K, memory=None)
+    return replace(result, x=x, u=u, K=K, projection_gain=K, state=None)
 
 
 def _said_by_lengths(plan: TrackingPlan, x: Array, u: Array) -> tuple[Array, Array]:
@@ -96,4 +96,4 @@ def by_tensions(
     x = plan.system.states_along(trajectory.q[:, plan.columns], trajectory.p)
     u = np.hstack([tension, x[1:, m.first_rho : m.nq]])
     K = next(plan.regulators(x, u), np.zeros((plan.system.N, plan.system.nu, plan.system.ndx)))
-    return replace(result, x=x, u=u, K=K, projection_gain=K, limits=None, memory=None)
+    return replace(result, x=x, u=u, K=K, projection_gain=K, limits=None, state=None)
