@@ -112,6 +112,9 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
             continue;
         }
         Eigen::Vector3d slope = Eigen::Vector3d::Zero();
+        for_each_entry(mechanism.instant_forces, step.instant(), force_, [&](int i, double f) {
+            if (i >= ball.variable && i < ball.variable + 3) slope[i - ball.variable] -= step.share * f;
+        });
         for (int c = 0; c < nc; ++c)
             for (int i = 0; i < 3; ++i) slope[i] += step.lam[c] * step.start_gradients()[c * nq + ball.variable + i];
         const Eigen::Matrix3d bend = chart_bend(slope);

@@ -68,7 +68,7 @@ def test_corrections_of_a_step_close_all_that_was_missed_as_cheaply_as_can_be(rn
     problem = DiscreteProblem(system, cost, settings, (), free_start, "at once")
     problem.start(start)
     curve = problem.parts.here.curve
-    direction = problem.direction("quasi-newton", problem.minimise_model("quasi-newton", 0.0), 0.0)
+    direction = problem.steps.direction("quasi-newton", problem.models.minimise("quasi-newton", 0.0), 0.0)
     missed, moved = [0.1 * rng.normal(size=(N, nx)) for _ in range(3)], []
 
     def off(dx, du, length):
@@ -79,7 +79,7 @@ def test_corrections_of_a_step_close_all_that_was_missed_as_cheaply_as_can_be(rn
 
     monkeypatch.setattr(problem.parts.steps, "_moved", off)
     monkeypatch.setattr(problem.parts.steps, "_judge", lambda *_: Refusal("never"))
-    assert isinstance(problem.simulate(direction, 1.0, np.inf), Refusal)
+    assert isinstance(problem.steps.simulate(direction, 1.0, np.inf), Refusal)
     assert len(moved) == 3
     q, r, q_final = cost.gradient(*start)
     for (dx, du), more in zip(moved, (0.0, missed[0], missed[0] + missed[1]), strict=True):
@@ -551,7 +551,7 @@ def test_gaps_that_hardly_shrink_are_not_closed_at_any_price():
     nothing = np.zeros((2, 1))
 
     def curve(theta, cost):
-        return OpenCurve(nothing, nothing[:1], nothing[:1], nothing[:1], theta, cost, None, cost)
+        return OpenCurve(nothing, nothing[:1], nothing[:1], nothing[:1], theta, theta, cost, None, cost)
 
     now, penalty = curve(theta=1.0, cost=2.0), 3.0
     takes = partial(Filter(1.0).takes, now, length=1.0, fall=-1.0, noise=0.0, penalty=penalty)

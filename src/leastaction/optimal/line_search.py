@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -21,8 +21,7 @@ def rounding_of(cost: float) -> float:
     return _ROUNDING * abs(cost)
 
 
-@dataclass(frozen=True)
-class Trial(Generic[Iterate]):
+class Trial(NamedTuple, Generic[Iterate]):
     """A trajectory at some step length, and its cost.
 
     ``iterate``: the trajectory. ``cost``: its cost.

@@ -19,9 +19,9 @@ from leastaction.numerics.frozen import Frozen, made
 from leastaction.numerics.public import public
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.limit_report import LimitReport
-from leastaction.optimal.memory import Memory
 from leastaction.optimal.options import Options
 from leastaction.optimal.schedule import NewtonSchedule
+from leastaction.optimal.state import SearchState, from_memory
 from leastaction.optimal.system import System
 
 
@@ -177,17 +177,30 @@ class OptimizationHistory:
                 object.__setattr__(self, name, np.full(len(self.method), unknown))
 
 
-class HistoryBuilder:
-    """Collects the records of the iterations, after those of an earlier run."""
+_COUNTS = ("rollouts", "cut_at")
+_NUMBERS = tuple(f.name for f in fields(OptimizationHistory) if f.name not in ("cost", "method", *_COUNTS))
+_counts_of, _numbers_of = attrgetter(*_COUNTS), attrgetter(*_NUMBERS)
 
-    _COLUMNS = tuple(f.name for f in fields(OptimizationHistory) if f.name != "cost")
+
+class HistoryBuilder:
+    """Collects the records of the iterations, after those of an earlier run.
+
+    ``cost``: of every iterate. ``iterations``: how many there were so far.
+    """
 
     def __init__(self, earlier: OptimizationHistory | None = None) -> None:
         self.cost: list[float] = []
-        self._rows: list[tuple[Any, ...]] = []
+        self.iterations = 0
+        self._method: list[str] = []
+        self._numbers: list[tuple[float, ...]] = []
+        self._counts: list[tuple[int, ...]] = []
         if earlier is not None:
-            self.cost = earlier.cost.tolist()
-            self._rows = list(zip(*(list(getattr(earlier, name)) for name in self._COLUMNS), strict=True))
+            self.cost, self._method = earlier.cost.tolist(), list(earlier.method)
+            self.iterations = len(self._method)
+            self._numbers, self._counts = (
+                list(zip(*(each.tolist() for each in columns), strict=True))
+                for columns in (_numbers_of(earlier), _counts_of(earlier))
+            )
 
     @property
     def step_lengths(self) -> list[float]:
@@ -199,33 +212,27 @@ class HistoryBuilder:
         """Expected decreases of the steps so far."""
         return self._column("expected_decrease")
 
-    @property
-    def iterations(self) -> int:
-        """Number of iterations so far."""
-        return len(self._rows)
-
     def add(self, record: IterationRecord) -> None:
         """Add a record; iteration 0 has a cost and nothing else."""
         self.cost.append(record.cost)
         if record.iteration > 0:
-            self._rows.append(_columns_of(record))
+            self.iterations += 1
+            self._method.append(record.method)
+            self._numbers.append(_numbers_of(record))
+            self._counts.append(_counts_of(record))
 
     def build(self) -> OptimizationHistory:
-        """Return the arrays."""
-        columns: Any = zip(*self._rows, strict=True) if self._rows else ((),) * len(self._COLUMNS)
-        found = dict(zip(self._COLUMNS, columns, strict=True))
-        for names, kind in ((_NUMBERS, np.float64), (_COUNTS, np.int64)):  # one array for all of a kind
-            found.update(zip(names, np.array([found[name] for name in names], dtype=kind), strict=True))
-        return made(OptimizationHistory, cost=np.array(self.cost, dtype=np.float64), **found)
+        """Return the arrays: one for all numbers, and one for all counts, in parts."""
+        numbers = np.array(self._numbers, dtype=np.float64).reshape(-1, len(_NUMBERS)).T.copy()
+        counts = np.array(self._counts, dtype=np.int64).reshape(-1, len(_COUNTS)).T.copy()
+        return made(
+            OptimizationHistory, cost=np.array(self.cost, dtype=np.float64), method=tuple(self._method),
+            **dict(zip(_NUMBERS, numbers, strict=True)), **dict(zip(_COUNTS, counts, strict=True)),
+        )  # fmt: skip
 
-    def _column(self, name: str) -> list[Any]:
-        at = self._COLUMNS.index(name)
-        return [row[at] for row in self._rows]
-
-
-_COUNTS = ("rollouts", "cut_at")
-_NUMBERS = tuple(name for name in HistoryBuilder._COLUMNS if name not in ("method", *_COUNTS))
-_columns_of = attrgetter(*HistoryBuilder._COLUMNS)
+    def _column(self, name: str) -> list[float]:
+        at = _NUMBERS.index(name)
+        return [row[at] for row in self._numbers]
 
 
 @public
@@ -271,8 +278,8 @@ class OptimizationResult(Frozen, Savable):
         (x, u) is no trajectory yet.
     unknowns : Mapping[str, float]
         What was found beside the inputs, by name. The trajectory is one of ``system.with_parameters(result.unknowns)``.
-    memory : Memory or None
-        What resuming needs of a run that may begin again; None of others.
+    state : SearchState or None
+        What resuming needs besides of the parts of a search; None of a result that was made elsewhere.
     t : ndarray (N+1,)
         Times of the states (s); their indices, of a system that knows no time.
     state_names, input_names : tuple of str
@@ -298,7 +305,7 @@ class OptimizationResult(Frozen, Savable):
     worst_step: StepQuality | None = field(default=None, kw_only=True)
     gap: float = field(default=0.0, kw_only=True)
     unknowns: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}), kw_only=True)
-    memory: Memory | None = field(default=None, kw_only=True)
+    state: SearchState | None = field(default=None, kw_only=True, metadata={"earlier": ("memory", from_memory)})
     t: Array = field(default_factory=lambda: np.empty(0), kw_only=True)
     state_names: tuple[str, ...] = field(default=(), kw_only=True)
     input_names: tuple[str, ...] = field(default=(), kw_only=True)

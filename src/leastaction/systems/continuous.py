@@ -97,13 +97,11 @@ class MechanismSystem(ContinuousSystem):
         return rates
 
     def roll_out_pieces(
-        self, h: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
+        self, h: Array, t: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
     ) -> int:
-        if self.space is not None or self.mechanism.core.timed:
-            return 0  # the core goes on in plain vectors and without the time
         if not keeps(self, MechanismSystem, "rates", "own_rates", "f"):
             return 0  # its own rates count
-        return self.dynamics.core.roll_out_pieces(h, matrix, *reference, K, z, u)
+        return self.dynamics.core.roll_out_pieces(h, t, matrix, *reference, K, z, u)
 
     def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:
         A, B = self.linearize(x[None, :], u[None, :], np.array([t]))
@@ -243,8 +241,8 @@ class MechanismSystem(ContinuousSystem):
     def own_start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
         """Return the directions (nx, n) in which an initial state may move; tangent to the constraints.
 
-        With ``h(q) = 0`` and ``Dh v = 0`` they are the null space of ``[Dh, 0; v'D2h, Dh]``, among the entries that are
-        free.
+        With ``h = 0`` and ``Dh v + dh/dt = 0`` they are the null space of ``[Dh, 0; v'D2h + D dh/dt, Dh]``, among the
+        entries that are free.
         """
         m = self.mechanism
         chosen = list(range(self.nx)) if free is None else self.free_entries(free)
@@ -263,8 +261,13 @@ class MechanismSystem(ContinuousSystem):
         # Directions may be off by a difference's error: `moved_start` brings the state back onto the constraints.
         ends = moved(m, np.stack([q, q]), h * np.stack([v, -v]))
         turned = (m.constraint_jacobian(ends[0]) - m.constraint_jacobian(ends[1])) / (2.0 * h)
+        turned = turned + m.core.constraint_drift(q)[1]
         held = np.block([[Dh, np.zeros_like(Dh)], [turned, Dh]])
         return np.asarray(whole @ NullSpace.of(held[:, chosen]).basis)
+
+    def own_starting_at(self, t: float) -> MechanismSystem | None:
+        then = self.mechanism.at_time(t)
+        return None if then is self.mechanism else self._remade(then)
 
     def own_moved_start(self, x: Array, dx: Array) -> Array:
         """Return an initial state moved along its directions, and brought back onto the constraints."""

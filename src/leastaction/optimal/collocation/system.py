@@ -42,7 +42,7 @@ class CollocationSystem(DiscreteSystem):
     """
 
     def __init__(self, system: ContinuousSystem, mesh: RadauMesh) -> None:
-        self.system, self.mesh = system, mesh
+        self.system, self.mesh = system.starting_at(float(mesh.breaks[0])), mesh
         self.layout = NodeLayout(system.nx, system.nu)
         self.nx, self.nu, self.N = self.layout.nz, STAGES * system.nu, mesh.N
         self.has_curvature = system.has_curvature
@@ -136,7 +136,7 @@ class CollocationSystem(DiscreteSystem):
         reference = np.ascontiguousarray(xbar[begin : pieces.stop + 1]), np.ascontiguousarray(ubar[rest])
         try:
             done = self.system.roll_out_pieces(
-                self.mesh.h[rest], MATRIX, reference, np.ascontiguousarray(K[rest]), x[here], u[here]
+                self.mesh.h[rest], self.mesh.t[rest], MATRIX, reference, np.ascontiguousarray(K[rest]), x[here], u[here]
             )
             return begin + (done or 0)
         except (LeastActionError, ArithmeticError):

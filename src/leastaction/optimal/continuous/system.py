@@ -53,6 +53,13 @@ class ContinuousSystem(System):
     def own_rates(self, x: Array, u: Array, t: Array) -> Array | None:
         """Return the same at once; None of a system that has no such way."""
 
+    def starting_at(self, t: float) -> ContinuousSystem:
+        """Return the same system, its initial states those of a time (s): constraints may change with it."""
+        return self.own_starting_at(t) or self
+
+    def own_starting_at(self, t: float) -> ContinuousSystem | None:
+        """Return it where that makes a difference; None where it makes none."""
+
     # ---- Parameters: what can be found together with a motion ---------------------------------------
 
     def with_parameters(self, values: Mapping[str, float]) -> ContinuousSystem | None:
@@ -79,7 +86,7 @@ class ContinuousSystem(System):
     # ---- Samples ------------------------------------------------------------------------------------
 
     def roll_out_pieces(
-        self, h: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
+        self, h: Array, t: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
     ) -> int | None:
         """Simulate pieces of a mesh under a feedback, as far as it succeeds; return how many pieces that are.
 
@@ -89,12 +96,14 @@ class ContinuousSystem(System):
         ----------
         h : ndarray (n,)
             Lengths of the pieces (s).
+        t : ndarray (n, points)
+            Times of their points (s).
         matrix : ndarray (points, points)
             Of the method.
         reference : ndarray (n+1, nz) and (n, points * nu)
             States of the discrete system, and inputs.
-        K : ndarray (n, points * nu, nz)
-            Gains.
+        K : ndarray (n, points * nu, ndz)
+            Gains, on differences of these states.
         z, u : ndarray (n+1, nz) and (n, points * nu)
             Written to, but for the first state, which is given.
         """

@@ -16,15 +16,18 @@ from leastaction.optimal.discrete.system import DiscreteSystem
 # a limit that is active in the end is stiffer than all else by ten orders of magnitude.
 _FLAT = 1e-14
 
+_SHORTER = 0.7  # part of what a motion lasts that a step of the search takes off at most
+
 
 class FreeStart:
     """The initial state of a search: fixed, free, or free in some of its entries.
 
-    ``free``: whether, or which. ``flat``: unknown numbers of which the last model says nothing.
+    ``free``: whether, or which. ``final_time``: the place in the state of the time (s) at which the motion ends, if
+    that is found too. ``flat``: unknown numbers of which the last model says nothing.
     """
 
-    def __init__(self, system: DiscreteSystem, free: bool | Sequence[str]) -> None:
-        self.system, self.free = system, free
+    def __init__(self, system: DiscreteSystem, free: bool | Sequence[str], final_time: int | None = None) -> None:
+        self.system, self.free, self.final_time = system, free, final_time
         self.flat: list[str] = []
         self._directions: Array | None = None
 
@@ -55,6 +58,13 @@ class FreeStart:
             return np.zeros(len(Z))
         _, step, _ = dposv(Z.T @ model.P0 @ Z, Z.T @ model.b[0])
         return np.asarray(-Z @ step)
+
+    def longest(self, dx0: Array | None, x0: Array, length: float) -> float:
+        """Return how far to go along its change, at most this far: no model holds for a motion that is much shorter."""
+        if self.final_time is None or dx0 is None:
+            return length
+        lasts, change = x0[self.final_time] - self.system.time(0), dx0[self.final_time - self.system.nx]
+        return float(-_SHORTER * lasts / change) if length * change < -_SHORTER * lasts else length
 
     def checked(
         self, model: LinearQuadraticSolution, x0: Array, hessian: Callable[[], ModelHessian]

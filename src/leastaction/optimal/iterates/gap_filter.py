@@ -26,10 +26,10 @@ _COST_POWER, _GAP_POWER, _ARMIJO = 2.3, 1.1, 1e-4
 
 
 class OpenCurve(NamedTuple):
-    """States and inputs, where its steps lead to, the gaps, their sum by the states' sizes, and what it costs.
+    """States and inputs, where its steps lead to, the gaps, their sum and the largest in parts of the states' sizes.
 
-    ``worst_step``: its coarsest step. ``shown``: what it costs without what only guides the search. ``length``: of the
-    step that led to it.
+    ``cost``: of the curve. ``worst_step``: its coarsest step. ``shown``: what it costs without what only guides the
+    search. ``length``: of the step that led to it.
     """
 
     x: Array
@@ -37,6 +37,7 @@ class OpenCurve(NamedTuple):
     ends: Array
     gaps: Array
     theta: float
+    gap: float
     cost: float
     worst_step: StepQuality | None
     shown: float

@@ -16,6 +16,7 @@ from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
 from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.limits.charts import charted
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows, Weights
 from leastaction.optimal.quantity import Instants, Samples, as_slice
@@ -51,7 +52,10 @@ class PricedLimits(AddedCost):
 
     def __init__(self, cost: Cost, system: DiscreteSystem, priced: Sequence[PricedLimit]) -> None:
         super().__init__(cost, "limits", (system.N, system.nx, system.nu))
-        self._rows = tuple((rows, each.weight) for each in priced for rows in each.limit.rows(system, 1))
+        self._ndx, space = system.ndx, system.charts()
+        self._rows = tuple(
+            (rows, each.weight) for each in priced for rows in charted(each.limit.rows(system, 1), space)
+        )
         columns = [self._columns_of(rows) for rows, _ in self._rows]
         self._columns = np.unique(np.concatenate([np.empty(0, dtype=np.intp), *columns]))
 
@@ -76,8 +80,8 @@ class PricedLimits(AddedCost):
             jacobian, columns = self._slopes(each)
             pull = -each.weight * each.rows.sign * each.off
             slopes[each.at.k[:, None], columns] += (pull[:, None, :] @ jacobian)[:, 0]
-        nx = x.shape[1]
-        return CostGradient(slopes[:-1, :nx], slopes[:-1, nx:], slopes[-1, :nx])
+        ndx = self._ndx
+        return CostGradient(slopes[:-1, :ndx], slopes[:-1, ndx:], slopes[-1, :ndx])
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the other cost's second derivatives, and those of the price; see `Cost`."""
@@ -115,6 +119,6 @@ class PricedLimits(AddedCost):
         return each.rows.quantity.jacobian(each.at), self._columns_of(each.rows)
 
     def _columns_of(self, rows: Rows) -> Instants:
-        _, nx, nu = self._sizes
-        columns = rows.quantity.columns(nx, nu)
-        return np.arange(nx if rows.quantity.of_state else nx + nu) if columns is None else columns
+        ndx, nu = self._ndx, self._sizes[2]
+        columns = rows.quantity.columns(ndx, nu)
+        return np.arange(ndx if rows.quantity.of_state else ndx + nu) if columns is None else columns

@@ -32,7 +32,7 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
     problem = run.problem
     assert isinstance(problem, DiscreteProblem)
     if run.resolved is not None:
-        return outcome is not None and outcome.status in STUCK and _WITHIN not in run.taken
+        return outcome is not None and outcome.status in STUCK and _WITHIN not in run.state.taken
     if run.began_again or (problem.parts.barrier is not None and problem.beginning.final_time is not None):
         return False
     if outcome is None:

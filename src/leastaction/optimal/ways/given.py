@@ -15,9 +15,9 @@ from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.loop.ending import STUCK, Outcome
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.way import Way
-from leastaction.optimal.memory import Start
 from leastaction.optimal.result import Status
 from leastaction.optimal.search.problem import DiscreteProblem
+from leastaction.optimal.state import Start
 from leastaction.optimal.ways.curves import line_to, needed_inputs
 from leastaction.optimal.ways.resolved import of_asked, resolved_rows
 
@@ -32,7 +32,7 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
     assert isinstance(problem, DiscreteProblem)
     if outcome is None or run.resolved is not None:
         return False
-    if _NAME in run.taken or problem.beginning.begun.curve is None or problem.settings.shooting == "single":
+    if _NAME in run.state.taken or problem.beginning.begun.curve is None or problem.settings.shooting == "single":
         return False
     return outcome.status in (*STUCK, Status.INFEASIBLE, Status.NO_DIRECTION) and problem.stages.is_unmet
 
@@ -46,7 +46,7 @@ def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
             problem.beginning.go_on_from(found.x, found.u, of_asked(problem, found.limits))
             run.begin_again(_NAME, "began again, from the given curve as it is")
             return True
-    run.taken = (*run.taken, _NAME)
+    run.take(_NAME)
     return False
 
 

@@ -13,9 +13,9 @@ from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.loop.ending import STUCK, Outcome
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.way import Way
-from leastaction.optimal.memory import Nearer, Place
 from leastaction.optimal.result import Status
 from leastaction.optimal.search.problem import DiscreteProblem
+from leastaction.optimal.state import Nearer, Place
 
 _NAME = "prices"
 _DEARER_AGAIN = 10.0  # factor by which the price of a violated limit at a single instant is raised
@@ -26,9 +26,9 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
     assert isinstance(problem, DiscreteProblem)
     if outcome is None or not problem.stages.is_unmet:
         return False
-    if outcome.status is Status.INFEASIBLE and run.nearer is not None:
+    if outcome.status is Status.INFEASIBLE and run.state.nearer is not None:
         return True
-    if _NAME in run.taken or problem.beginning.begun.given is None:
+    if _NAME in run.state.taken or problem.beginning.begun.given is None:
         return False
     if problem.beginning.final_time is not None:
         return outcome.status in (*STUCK, Status.INFEASIBLE)
@@ -46,13 +46,15 @@ def _misses_an_instant(problem: DiscreteProblem) -> bool:
 def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
     problem = run.problem
     assert isinstance(problem, DiscreteProblem)
-    if run.nearer is not None:
-        nearer, run.nearer = run.nearer, None
+    if run.state.nearer is not None:
+        nearer = run.state.nearer
+        run.remember(nearer=None)
         if not _go_to_the_nearer(problem, nearer.place, nearer.limits):
             return False
         run.begin_again(_NAME, "higher prices led to nothing that is nearer: back to where it stood")
         return True
-    given, problem.beginning.begun.given = problem.beginning.begun.given, None
+    given = problem.beginning.begun.given
+    problem.beginning.remember(given=None)
     limits = problem.parts.limits
     if given is None or limits is None:
         return False
@@ -60,7 +62,7 @@ def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
     problem.beginning.begin_anew(given)
     limits.stages.make_dearer(_DEARER_AGAIN)
     problem.beginning.put_limits_in()
-    run.nearer = nearer
+    run.remember(nearer=nearer)
     run.begin_again(_NAME, "began again, with higher prices of what is asked at a single instant")
     return True
 

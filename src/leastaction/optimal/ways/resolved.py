@@ -21,9 +21,9 @@ from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.loop.ending import STUCK, Outcome, coarse_step
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.way import Way
-from leastaction.optimal.memory import Memory, Resolved
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.search.problem import DiscreteProblem
+from leastaction.optimal.state import Resolved, SearchState
 
 _ENOUGH = 0.35  # largest angle of a step (rad) where steps of time are short enough for a motion
 _NAMED = 3  # most instants that a message names
@@ -37,7 +37,7 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
         return True
     problem = run.problem
     assert isinstance(problem, DiscreteProblem)
-    if "resolved" in run.taken or outcome.status not in STUCK:
+    if "resolved" in run.state.taken or outcome.status not in STUCK:
         return False
     return not problem.parts.here.is_open and (outcome.barred or coarse_step(problem, outcome) is not None)
 
@@ -51,7 +51,7 @@ def _set_out(run: Run, outcome: Outcome) -> bool:
     """Begin again within the limit; return whether that is possible."""
     asked = run.problem
     assert isinstance(asked, DiscreteProblem)
-    run.taken = (*run.taken, "resolved")
+    run.take("resolved")
     within = within_resolved(asked)
     if within is None:
         return False
@@ -60,8 +60,9 @@ def _set_out(run: Run, outcome: Outcome) -> bool:
     starts = [here] if first is None else [(first.x, first.u), here]
     if not any(_can_start(within, start) for start in starts):
         return False
-    steps = [step.angle for step in (asked.worst_step, outcome.refused) if step is not None]
-    run.resolved, run.problem, run.asked_problem = Resolved(asked.parts.place(), max(steps, default=0.0)), within, asked
+    steps = [step.angle for step in (asked.here.worst_step, outcome.refused) if step is not None]
+    run.remember(resolved=Resolved(asked.parts.place(), max(steps, default=0.0)))
+    run.problem, run.asked_problem = within, asked
     run.begin_again("", "began again, among motions that the steps of time resolve")
     return True
 
@@ -88,12 +89,14 @@ def _drop(run: Run, outcome: Outcome) -> bool:
         why = "the steps of time resolve the motion: it goes on without that limit"
     else:
         before = state.before
-        if outcome.status is not Status.INFEASIBLE and within.shown <= asked.parts.asked.value(before.x, before.u):
+        cheaper = within.report.shown <= asked.parts.asked.value(before.x, before.u)
+        if outcome.status is not Status.INFEASIBLE and cheaper:
             return False
         asked.beginning.go_on_from(before.x, before.u, None)
         why = "what the steps of time resolve led nowhere: back to where it stood"
     asked.parts.work.count_on(within.parts.work)
-    run.resolved, run.problem = None, asked
+    run.remember(resolved=None)
+    run.problem = asked
     run.begin_again("", why)
     return True
 
@@ -137,16 +140,16 @@ def within_resolved(asked: DiscreteProblem) -> DiscreteProblem | None:
     return within
 
 
-def resumed(run: Run, result: OptimizationResult, memory: Memory) -> None:
+def resumed(run: Run, result: OptimizationResult, state: SearchState) -> None:
     """Put a run to where an earlier one ended within the limit."""
     asked = run.problem
     assert isinstance(asked, DiscreteProblem)
     within = within_resolved(asked)
     assert within is not None
-    asked.beginning.recall(memory)
+    asked.beginning.recall(state.begun)
     within.resume(result)
     run.problem, run.asked_problem = within, asked
-    run.recall(memory)
+    run.recall(state.run)
 
 
 def _judge(run: Run, outcome: Outcome) -> Outcome:

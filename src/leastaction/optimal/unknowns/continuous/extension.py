@@ -94,7 +94,7 @@ class ContinuousExtension:
                 f"resume: got a result {'without' if missing else 'with'} the unknown {(missing or others)[0]!r}, "
                 "expected those of this call; give initial=result instead"
             )
-        mesh = None if result.memory is None else result.memory.mesh
+        mesh = None if result.state is None else result.state.mesh
         if mesh is None:
             raise ArgumentError(
                 "resume: got a result that was not found on a mesh, expected one with the unknowns of this call. Give "

@@ -24,6 +24,7 @@ from leastaction.optimal.collocation.layout import NodeLayout
 from leastaction.optimal.collocation.mesh import STAGES
 from leastaction.optimal.continuous.system import ContinuousSystem, with_parameters
 from leastaction.optimal.quantity import Quantity
+from leastaction.optimal.space import ProductSpace, Vectors
 from leastaction.optimal.system import FINAL_TIME, Linearization
 from leastaction.optimal.unknowns.extended import Extended, by_differences
 
@@ -56,10 +57,14 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
         free_start: bool | Sequence[str],
         horizon: tuple[float, float],
     ) -> None:
-        super().__init__(system, parameters, copied, free_start)
+        super().__init__(system.starting_at(horizon[0]), parameters, copied, free_start)
         self.t0, self.lasts = horizon[0], horizon[1] - horizon[0]
         self.jumps, own = system.jumps, system.state_names
         self.state_names = (*own, *self.names, *(f"{own[i]} at the start" for i in self.copied))
+        space = system.charts()
+        # Rotations that return count from the first state: these are numbers.
+        if space is not None and not space.curved[space.pattern[self.copied].any(axis=0)].any():
+            self.space = ProductSpace(space, Vectors(self.nx - self.n_own))
         self.time_at = None if self.final_time is None else self.final_time - self.n_own
         if self.time_at is not None and len(system.jumps):
             raise ArgumentError(
@@ -191,30 +196,34 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
     # ---- Pieces -----------------------------------------------------------------------------------
 
     def roll_out_pieces(
-        self, h: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
+        self, h: Array, t: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
     ) -> int | None:
         """Let the system do it, where it does not depend on time: of constants the feedback is known beforehand."""
-        if (self.time_at is not None and not self.system.autonomous) or K[:, :, self.nx :].any():
+        n, constants, kept = self.n_own, z[0, self.n_own : self.nx], self.layout.kept
+        d, space = n, self.system.charts()
+        if self.space is not None and space is not None:
+            d, kept = space.ndx, np.argmax(space.pattern[self.copied], axis=1)
+        ndx = d + self.nx - n
+        if (self.time_at is not None and not self.system.autonomous) or K[:, :, ndx:].any():
             return None
         zbar, ubar = reference
-        n, constants = self.n_own, z[0, self.n_own : self.nx]
         values = self.values(z[0])
         off = constants - zbar[:-1, n : self.nx]
-        own_gain, gain = K[:, :, :n], K[:, :, n : self.nx].copy()
-        gain[:, :, len(self.names) :] -= own_gain[:, :, self.layout.kept]
+        own_gain, gain = K[:, :, :d], K[:, :, d:ndx].copy()
+        gain[:, :, len(self.names) :] -= own_gain[:, :, kept]
         layout, whole = NodeLayout(n, self.nu), NodeLayout(self.nx, self.nu)
 
         def taken(states: Array) -> Array:
             x, inputs = whole.points(states)
             return np.ascontiguousarray(layout.joined(self.own(x), inputs))
 
-        own_K = np.zeros((len(K), K.shape[1], layout.nz))
-        own_K[:, :, :n] = own_gain
+        own_K = np.zeros((len(K), K.shape[1], STAGES * (d + self.nu)))
+        own_K[:, :, :d] = own_gain
         own_z, own_u = np.empty((len(z), layout.nz)), np.empty_like(u)
         own_z[0] = taken(z[:1])[0]
         moved = ubar - np.einsum("kij,kj->ki", gain, off)
         done = self.at(values).roll_out_pieces(
-            h * self.pace(values), matrix, (taken(zbar), np.ascontiguousarray(moved)), own_K, own_z, own_u
+            h * self.pace(values), t, matrix, (taken(zbar), np.ascontiguousarray(moved)), own_K, own_z, own_u
         )
         if not done:
             return None

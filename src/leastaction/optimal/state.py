@@ -1,8 +1,9 @@
-"""What a run in discrete time needs beside its iterate, to go on as one that was never stopped."""
+"""What the parts of a search need beside the iterate, to go on as one that was never stopped."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import Frozen
@@ -98,32 +99,66 @@ class OnMesh(Frozen):
 
 
 @dataclass(frozen=True)
-class Memory(Frozen):
-    """The state of a run beside its iterate.
+class RunState(Frozen):
+    """What a run remembers from one iteration to the next.
 
-    ``taken``: names of the ways to begin again that it has taken. ``ease``: the factor of the weights of
-    inputs in this stage. ``start``: what it began with, until another way is looked for from there.
-    ``wanted``: what gaps are tried from once more. ``curve``: what it was given to begin with, where there are limits.
-    ``first``: the trajectory that it began with. ``gaps``: None of a trajectory. ``earlier``: where it stood before
-    there were gaps, which is what is returned until they are closed. ``resolved``: None where the steps of time are no
-    limit. ``nearer``: where it ended before prices of limits were raised. ``mesh``: where the continuous horizon is on
-    one. ``still``: steps in a row that lowered the cost by no more than its noise. ``roughness``: the error of the cost
-    that was seen. ``tells_saddles``: whether Newton's model does, in this stage; None of files from before this was
-    kept. ``remark``: a note for the next iteration.
+    ``taken``: names of the ways to begin again that it has taken. ``resolved``: None where the steps of time are no
+    limit. ``nearer``: where it ended before prices were raised. ``still``: steps in a row that lowered the cost by no
+    more than its noise. ``roughness``: what the cost was seen to be off by. ``tells_saddles``: whether Newton's model
+    does, in this stage; None of files from before this was kept. ``remark``: what is to be said of the next iteration.
     """
 
     taken: tuple[str, ...] = ()
-    ease: float = 1.0
-    start: Start | None = None
-    wanted: Start | None = None
-    curve: Start | None = None
-    first: Start | None = None
-    gaps: Gaps | None = None
-    earlier: Place | None = None
     resolved: Resolved | None = None
     nearer: Nearer | None = None
-    mesh: OnMesh | None = None
     still: int = 0
     roughness: float = 0.0
     tells_saddles: bool | None = None
     remark: str = ""
+
+
+@dataclass(frozen=True)
+class Begun(Frozen):
+    """What a search began with, and where it may begin again.
+
+    ``given``: the start, until gaps were tried from there. ``curve``: what was given to begin with, where there are
+    limits. ``wanted``: what gaps are tried from once more. ``first``: the trajectory that it began with. ``earlier``:
+    where it stood before there were gaps, which is what is returned until they are closed. ``ease``: how much dearer
+    inputs are in this stage than asked for.
+    """
+
+    given: Start | None = None
+    curve: Start | None = None
+    wanted: Start | None = None
+    first: Start | None = None
+    earlier: Place | None = None
+    ease: float = 1.0
+
+
+@dataclass(frozen=True)
+class SearchState(Frozen):
+    """What the parts of a search need to go on where it ended: each puts its own back.
+
+    ``run``: of the loop. ``begun``: of where it begins. ``gaps``: of curves with gaps; None of trajectories. ``mesh``:
+    of a mesh, where the horizon is continuous.
+    """
+
+    run: RunState = RunState()
+    begun: Begun = Begun()
+    gaps: Gaps | None = None
+    mesh: OnMesh | None = None
+
+
+_RUN = ("taken", "resolved", "nearer", "still", "roughness", "tells_saddles", "remark")
+_BEGUN = {"start": "given", **{name: name for name in ("curve", "wanted", "first", "earlier", "ease")}}
+
+
+def from_memory(earlier: Any) -> Any:
+    """Return the content of a file's state from that of an older file, which had all in one."""
+    if not isinstance(earlier, dict):
+        return earlier
+    return {
+        "run": {name: earlier[name] for name in _RUN if name in earlier},
+        "begun": {new: earlier[name] for name, new in _BEGUN.items() if name in earlier},
+        **{name: earlier[name] for name in ("gaps", "mesh") if name in earlier},
+    }
