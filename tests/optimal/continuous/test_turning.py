@@ -20,6 +20,7 @@ from leastaction.optimal import (
     DenseTrajectory,
     FinalTime,
     Options,
+    Periodic,
     PiecewisePolynomial,
     QuadraticCost,
     Status,
@@ -299,7 +300,7 @@ def test_a_projection_of_ones_own_is_by_numbers(given: str) -> None:
 
 
 def test_a_periodic_motion_may_turn_all_the_way_round() -> None:
-    """A spin that is to be near 2.5 rad/s and return after 2 s: by a full turn, after which the quaternion is another."""
+    """A spin that is to be near 2.5 rad/s and return after 2 s: by a full turn, to the other quaternion."""
     system = satellite()
     wanted = np.r_[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.5]
     Q, Q_final = np.r_[np.zeros(3), np.ones(3)], np.r_[np.full(3, 0.01), np.zeros(3)]
