@@ -89,7 +89,7 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
             const GivenTurning::Matrix36 end = GivenTurning(&step.q2[at]).end_slope();
             for (int c = 0; c < nc; ++c) {
                 const Eigen::Map<const Eigen::Vector3d> by_end(step.end_gradients() + c * nq + at);
-                const Turning::Vector6 by = end.transpose() * by_end;
+                const Eigen::Matrix<double, 6, 1> by = end.transpose() * by_end;
                 double* y = &Y[(nd + c) * ld];
                 for (int i = 0; i < 3; ++i) {
                     y[at + i] -= by[i];
@@ -98,17 +98,20 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
             }
             continue;
         }
+        const Turning::Matrix6 bend = step.own_bend(b);
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) {
+                Y[(at + i) * ld + at + j] -= bend(i, j);
+                P2[(at + i) * ld + at + j] += bend(3 + i, j);
+                G_y(at + i, at + j) += bend(3 + i, 3 + j);
+            }
+        if (nc == 0) continue;
         Eigen::Vector3d slope = Eigen::Vector3d::Zero();
         for (int c = 0; c < nc; ++c)
             for (int i = 0; i < 3; ++i) slope[i] += step.lam[c] * step.start_gradients()[c * nq + at + i];
         const Eigen::Matrix3d by_constraints = chart_bend(slope);
-        const Turning::Matrix6 bend = step.own_bend(b);
         for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j) {
-                Y[(at + i) * ld + at + j] += by_constraints(j, i) - bend(i, j);
-                P2[(at + i) * ld + at + j] += bend(3 + i, j);
-                G_y(at + i, at + j) += bend(3 + i, 3 + j);
-            }
+            for (int j = 0; j < 3; ++j) Y[(at + i) * ld + at + j] += by_constraints(j, i);
     }
     step.newton().solve(Y.data(), Y.data() + nd * ld, n_theta + nc, ld);
 

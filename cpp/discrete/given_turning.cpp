@@ -6,8 +6,8 @@ namespace leastaction {
 
 namespace {
 
-using Vector6 = Turning::Vector6;
-using Matrix6 = Turning::Matrix6;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 // A function of six numbers to second order about a point.
 struct Jet {
@@ -140,18 +140,26 @@ Matrix6 from_given() {
     return out;
 }
 
+Turning::Matrix6 small(const Matrix6& m) {
+    Turning::Matrix6 out{};
+    for (int i = 0; i < 6; ++i)
+        for (int j = 0; j < 6; ++j) out(i, j) = m(i, j);
+    return out;
+}
+
 }  // namespace
 
-Matrix6 GivenTurning::slope() const {
+Turning::Matrix6 GivenTurning::slope() const {
     const GivenMiddle at(phi_);
     Matrix6 out;
     out << at.theta.x.g.transpose(), at.theta.y.g.transpose(), at.theta.z.g.transpose(), at.nu.x.g.transpose(),
         at.nu.y.g.transpose(), at.nu.z.g.transpose();
-    return out * from_given();
+    return small(out * from_given());
 }
-Matrix6 GivenTurning::bend(const Eigen::Vector3d& g, const Eigen::Vector3d& h) const {
+Turning::Matrix6 GivenTurning::bend(const Vec3<double>& g, const Vec3<double>& h) const {
     const GivenMiddle at(phi_);
-    return from_given().transpose() * (weighted(at.theta, g) + weighted(at.nu, h)) * from_given();
+    const Matrix6 bend = weighted(at.theta, {g.x, g.y, g.z}) + weighted(at.nu, {h.x, h.y, h.z});
+    return small(from_given().transpose() * bend * from_given());
 }
 GivenTurning::Matrix36 GivenTurning::end_slope() const {
     const GivenPart whole(phi_, 1.0);

@@ -357,7 +357,7 @@ void MidpointStep::add_bends() {
         const Ball& ball = mechanism_->balls[b];
         if (ball.prescribed) continue;
         const double *start = &raw_start_[ball.variable], *end = &raw_end_[ball.variable];
-        const Turning::Vector3 from(start[0], start[1], start[2]), to(end[0], end[1], end[2]);
+        const Vec3<double> from{start[0], start[1], start[2]}, to{end[0], end[1], end[2]};
         bends_[b] = by_ends(turnings_[b].bend(from + to, 0.5 * (to - from)));
         for (int i = 0; i < 3; ++i)
             for (int j = 0; j < 3; ++j)

@@ -13,7 +13,7 @@
 
 namespace leastaction {
 
-using Vector3 = Turning::Vector3;
+using Vector = Turning::Vector;
 using Matrix6 = Turning::Matrix6;
 
 struct SecondOrder::Turned {
@@ -37,9 +37,10 @@ void SecondOrder::begin_balls() {
 const double* SecondOrder::end() const { return turned_ ? turned_->end.data() : q2.data(); }
 
 void SecondOrder::place_balls() {
-    for (const Ball& ball : mechanism_.balls) {
+    for (std::size_t b = 0; b < mechanism_.balls.size(); ++b) {
+        const Ball& ball = mechanism_.balls[b];
         std::fill_n(&q_mid_[ball.variable], 3, 0.0);
-        turn_by(&q1[ball.quaternion], &q2[ball.variable], 0.5, &q_mid_[ball.quaternion]);
+        turned_->turnings[b].turn_half(&q1[ball.quaternion], &q_mid_[ball.quaternion]);
     }
 }
 
@@ -64,17 +65,15 @@ void SecondOrder::begin_turned(double dt) {
         const Turning& turning = t.turnings.emplace_back(&q2[at]);
         std::fill_n(&t.end[at], 3, 0.0);
         turning.turn_whole(&q1[ball.quaternion], &t.end[ball.quaternion]);
-        Vector3 mu = Vector3::Zero(), w = Vector3::Zero();
-        for (int i = 0; i < 3 && !ball.prescribed; ++i) {
-            mu[i] = mu_[at + i];
-            w[i] = w_p[at + i];
+        Vector mu, w;
+        if (!ball.prescribed) {
+            mu = {mu_[at], mu_[at + 1], mu_[at + 2]};
+            w = {w_p[at], w_p[at + 1], w_p[at + 2]};
         }
         const TurnedField& field = t.fields.emplace_back(turning, mu, w);
-        const Vector3 theta = field.theta(), half_nu = 0.5 * field.nu();
-        for (int i = 0; i < 3; ++i) {
-            mu_z_[at + i] = theta[i] - half_nu[i];
-            w_z_[at + i] = theta[i] + half_nu[i];
-        }
+        const Vector half_nu = 0.5 * field.nu(), start = field.theta() - half_nu, end = field.theta() + half_nu;
+        mu_z_[at] = start.x, mu_z_[at + 1] = start.y, mu_z_[at + 2] = start.z;
+        w_z_[at] = end.x, w_z_[at + 1] = end.y, w_z_[at + 2] = end.z;
     }
     turned_middle_.set(t.turnings, dt);
     for (std::size_t b = 0; b < t.fields.size(); ++b) turned_middle_.set_field(b, dt * t.fields[b].slope());
@@ -146,18 +145,24 @@ void SecondOrder::add_bends(double dt) {
     for (std::size_t b = 0; b < t.turnings.size(); ++b) {
         const Ball& ball = mechanism_.balls[b];
         const int at = ball.variable;
-        Vector3 g, h, by_theta, by_nu;
-        for (int i = 0; i < 3; ++i) {
-            g[i] = dt * dual_.L_q[at + i].v + (km + kp) * t.force[at + i];
-            h[i] = dual_.L_v[at + i].v + 0.5 * (kp - km) * t.force[at + i];
-            by_theta[i] = dual_.L_q[at + i].d + t.by_q[at + i];
-            by_nu[i] = (dual_.L_v[at + i].d + t.by_v[at + i]) / dt;
+        const auto vector = [&](const auto& of) { return Vector{of(at), of(at + 1), of(at + 2)}; };
+        const Vector by_theta = vector([&](int i) { return dual_.L_q[i].d + t.by_q[i]; }),
+                     by_nu = vector([&](int i) { return (dual_.L_v[i].d + t.by_v[i]) / dt; });
+        Matrix6 own;
+        if (ball.prescribed) {
+            own = GivenTurning(&q2[at]).bend(by_theta, by_nu);
+        } else {
+            const Vector g = vector([&](int i) { return dt * dual_.L_q[i].v + (km + kp) * t.force[i]; }),
+                         h = vector([&](int i) { return dual_.L_v[i].v + 0.5 * (kp - km) * t.force[i]; });
+            own = t.fields[b].bend(g, h, by_theta, by_nu);
         }
-        const Matrix6 own = by_ends(ball.prescribed ? GivenTurning(&q2[at]).bend(by_theta, by_nu)
-                                                    : t.fields[b].bend(g, h, by_theta, by_nu));
-        for (int k = 0; k < 6; ++k)
-            for (int l = 0; l < 6; ++l)
-                add_ends(k < 3 ? at + k : nq_ + at + k - 3, l < 3 ? at + l : nq_ + at + l - 3, own(k, l));
+        own = by_ends(own);
+        for (int k = 0; k < 3; ++k)
+            for (int l = 0; l < 3; ++l) {
+                add_11(at + k, at + l, own(k, l));
+                add_12(at + k, at + l, own(k, 3 + l));
+                add_22(at + k, at + l, own(3 + k, 3 + l));
+            }
     }
 }
 
@@ -251,8 +256,8 @@ void SecondOrder::add_prescribed_turns() {
         const Ball& ball = m.balls[b];
         if (!ball.prescribed) continue;
         const Eigen::Map<const Eigen::Vector3d> g(&by_end[ball.variable]), w(&w_rho[ball.variable - nd_]);
-        const Matrix6 own = slopes[b].transpose() * symmetric_chart_bend(g) * slopes[b] +
-                            GivenTurning(&q2[ball.variable]).end_bend(g + w);
+        const Eigen::Matrix<double, 6, 6> own = slopes[b].transpose() * symmetric_chart_bend(g) * slopes[b] +
+                                                GivenTurning(&q2[ball.variable]).end_bend(g + w);
         for (int k = 0; k < 6; ++k)
             for (int l = 0; l < 6; ++l) add_ends(place_of(ball, k), place_of(ball, l), own(k, l));
     }

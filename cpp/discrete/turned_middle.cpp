@@ -17,7 +17,7 @@ struct Planes {
 
 // Second derivatives by three joints in a row, (q, v) twice.
 Matrix6 own_block(const Planes& of, std::size_t at, std::size_t stride) {
-    Matrix6 out;
+    Matrix6 out{};
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j <= i; ++j) {
             const std::size_t ij = at + i * stride + j;
@@ -116,25 +116,34 @@ TurnedMiddle::TurnedMiddle(const Mechanism& m) : mechanism_(m), ball_of_(m.n_var
         std::fill_n(&ball_of_[m.balls[b].variable], 3, static_cast<int>(b));
 }
 
-void TurnedMiddle::Change::set(const Matrix6& of) {
+void TurnedMiddle::Change::set(const Matrix6& of, double kept) {
     for (int l = 0; l < 3; ++l) {
         q_by_q[l] << of(l, 0), of(l, 1), of(l, 2), 0.0;
         q_by_v[l] << of(l, 3), of(l, 4), of(l, 5), 0.0;
         v_by_q[l] << of(3 + l, 0), of(3 + l, 1), of(3 + l, 2), 0.0;
         v_by_v[l] << of(3 + l, 3), of(3 + l, 4), of(3 + l, 5), 0.0;
+        q_by_q[l][l] -= kept;
+        v_by_v[l][l] -= kept;
     }
 }
 
 void TurnedMiddle::Ends::set(int variable, const Matrix6& of, double rate) {
     first = variable;
-    by << 0.5 * of.leftCols<3>() - rate * of.rightCols<3>(), 0.5 * of.leftCols<3>() + rate * of.rightCols<3>();
+    for (int i = 0; i < 6; ++i)
+        for (int k = 0; k < 3; ++k) {
+            by(i, k) = 0.5 * of(i, k) - rate * of(i, 3 + k);
+            by(i, 3 + k) = 0.5 * of(i, k) + rate * of(i, 3 + k);
+        }
 }
 
 // From (theta, nu) by (s, d) to (theta, nu/dt) by (s, d/dt).
 Matrix6 TurnedMiddle::scaled(const Matrix6& by_middle) const {
-    Matrix6 out = by_middle;
-    out.bottomLeftCorner<3, 3>() *= rate_;
-    out.topRightCorner<3, 3>() *= dt_;
+    const Matrix6::Row scale{1.0, 1.0, 1.0, dt_, dt_, dt_, 0.0, 0.0};
+    Matrix6 out;
+    for (int i = 0; i < 3; ++i) {
+        out.rows[i] = by_middle.rows[i] * scale;
+        out.rows[3 + i] = rate_ * (by_middle.rows[3 + i] * scale);
+    }
     return out;
 }
 
@@ -145,7 +154,7 @@ void TurnedMiddle::set(const std::vector<Turning>& turnings, double dt) {
         const Ball& ball = mechanism_.balls[b];
         TurnedBall& at = balls_[b];
         at.whole = scaled(ball.prescribed ? GivenTurning(turnings[b].phi()).slope() : turnings[b].slope());
-        at.change.set(at.whole - Matrix6::Identity());
+        at.change.set(at.whole, 1.0);
         at.ends.set(ball.variable, at.whole, rate_);
     }
 }
@@ -153,7 +162,7 @@ void TurnedMiddle::set(const std::vector<Turning>& turnings, double dt) {
 void TurnedMiddle::set_field(std::size_t ball, const Matrix6& slope) {
     TurnedBall& at = balls_[ball];
     at.field = scaled(slope);
-    at.field_change.set(at.field);
+    at.field_change.set(at.field, 0.0);
     at.field_ends.set(mechanism_.balls[ball].variable, at.field, rate_);
 }
 
@@ -172,7 +181,7 @@ void TurnedMiddle::turn(PairDerivatives& pairs) const {
         if (ball.joint >= mechanism_.n_massive) continue;
         const TurnedBall& by = balls_[b];
         const std::size_t at = ball.joint * stride;
-        const Matrix6 own = by.whole.transpose() * own_block(d, at + ball.joint, stride) * by.whole;
+        const Matrix6 own = transposed_product(by.whole, own_block(d, at + ball.joint, stride) * by.whole);
         each_group_before(mechanism_, ball.joint, [&](int j) {
             for (const auto& [q, v] : {std::pair{d.qq, d.vq}, std::pair{d.qv, d.vv}}) {
                 ThreeRows rows(q + at + j, v + at + j, stride);
@@ -197,9 +206,9 @@ void TurnedMiddle::turn(PairDerivatives& pairs, PairDerivatives& values) const {
         if (ball.joint >= mechanism_.n_massive) continue;
         const TurnedBall& by = balls_[b];
         const std::size_t at = ball.joint * stride;
-        const Matrix6 slopes = own_block(d, at + ball.joint, stride) * by.whole,
-                      value = own_block(x, at + ball.joint, stride) * by.whole, half = by.field.transpose() * value;
-        const Matrix6 own = by.whole.transpose() * slopes + half + half.transpose();
+        const Matrix6 slopes = own_block(d, at + ball.joint, stride) * by.whole;
+        const Matrix6 half = transposed_product(by.field, own_block(x, at + ball.joint, stride) * by.whole);
+        const Matrix6 own = transposed_product(by.whole, slopes) + half + transposed(half);
         each_group_before(mechanism_, ball.joint, [&](int j) {
             const std::size_t row = at + j;
             const auto turn_group = [&](double* q, double* v, double* value_q, double* value_v) {

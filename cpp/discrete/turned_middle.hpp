@@ -59,7 +59,7 @@ private:
     // A map from (q, v) of three variables to three new ones, without what it keeps: weights of each old one by the new.
     struct Change {
         Eigen::Array4d q_by_q[3], q_by_v[3], v_by_q[3], v_by_v[3];
-        void set(const Matrix6& of);
+        void set(const Matrix6& of, double kept);
     };
     struct Ends {
         int first;

@@ -1,6 +1,6 @@
 #include "discrete/turning.hpp"
 
-#include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -8,38 +8,48 @@ namespace leastaction {
 
 namespace {
 
-using Vector3 = Turning::Vector3;
+using Vector = Vec3<double>;
 using Matrix3 = Turning::Matrix3;
 using Matrix6 = Turning::Matrix6;
 
-Vector3 column(const Vec3<double>& a) { return {a.x, a.y, a.z}; }
-Matrix3 crossing(const Vector3& a) {
-    Matrix3 out;
-    out << 0, -a[2], a[1], a[2], 0, -a[0], -a[1], a[0], 0;
-    return out;
+using Row = Matrix3::Row;
+Row row(double x, double y, double z) { return Row{x, y, z, 0.0}; }
+Row row(const Vector& a) { return row(a.x, a.y, a.z); }
+const Matrix3 identity{{row(1, 0, 0), row(0, 1, 0), row(0, 0, 1)}}, nothing{};
+Matrix3 outer(const Vector& a, const Vector& b) {
+    const Row of_b = row(b);
+    return {{a.x * of_b, a.y * of_b, a.z * of_b}};
 }
-// C(b) w and g.C(b) w as matrices of b, and as one of w.
-Matrix3 change_by_turn(const Vector3& w) {
-    Matrix3 out;
-    out << 0, 0, w[1], 0, 0, -w[0], 0, w[0], 0;
-    return out;
+void add_diagonal(Matrix3& to, double x) { to = to + Matrix3{{row(x, 0, 0), row(0, x, 0), row(0, 0, x)}}; }
+// a x, and its product with a matrix.
+Matrix3 crossing(const Vector& a) { return {{row(0, -a.z, a.y), row(a.z, 0, -a.x), row(-a.y, a.x, 0)}}; }
+Matrix3 crossed(const Vector& a, const Matrix3& m) {
+    return {{a.y * m.rows[2] - a.z * m.rows[1], a.z * m.rows[0] - a.x * m.rows[2], a.x * m.rows[1] - a.y * m.rows[0]}};
 }
-Matrix3 change_of_rates(const Vector3& b) {
-    Matrix3 out;
-    out << 0, b[2], 0, -b[2], 0, 0, b[1], 0, 0;
-    return out;
+Vector times(const Vector& a, const Matrix3& m) {
+    const Row out = a.x * m.rows[0] + a.y * m.rows[1] + a.z * m.rows[2];
+    return {out[0], out[1], out[2]};
 }
-Matrix3 weighted_change(const Vector3& g) {
-    Matrix3 out;
-    out << 0, 0, 0, g[2], 0, 0, -g[1], g[0], 0;
-    return out;
+// C(b) w as a matrix of b, for one w, and of w, for one b; its product with a matrix; and g.C(b) w as one of b.
+Matrix3 change_by_turn(const Vector& w) { return {{row(0, 0, w.y), row(0, 0, -w.x), row(0, w.x, 0)}}; }
+Matrix3 change_of_rates(const Vector& b) { return {{row(0, b.z, 0), row(-b.z, 0, 0), row(b.y, 0, 0)}}; }
+Matrix3 changed_by_turn(const Vector& w, const Matrix3& m) {
+    return {{w.y * m.rows[2], -w.x * m.rows[2], w.x * m.rows[1]}};
 }
-// The Hessian of g.N(b, b) w.
-Matrix3 weighted_bend(const Vector3& g, const Vector3& w) {
-    Matrix3 out = Matrix3::Zero();
-    out(1, 1) = g[0] * w[0];
-    out(2, 2) = -g[0] * w[0] - g[1] * w[1];
-    out(1, 2) = out(2, 1) = g[2] * w[1];
+Vector change(const Vector& b, const Vector& w) { return {b.z * w.y, -b.z * w.x, b.y * w.x}; }
+Vector weighted_change(const Vector& g, const Vector& w) { return {0.0, w.x * g.z, w.y * g.x - w.x * g.y}; }
+// g.C(b) w as a form of b, by rows, and w; its product with a matrix; and the Hessian of g.N(b, b) w.
+Matrix3 change_form(const Vector& g) { return {{row(0, 0, 0), row(g.z, 0, 0), row(-g.y, g.x, 0)}}; }
+Matrix3 change_form(const Vector& g, const Matrix3& m) {
+    return {{row(0, 0, 0), g.z * m.rows[0], g.x * m.rows[1] - g.y * m.rows[0]}};
+}
+Matrix3 bend_form(const Vector& g, const Vector& w) {
+    const double yz = g.z * w.y;
+    return {{row(0, 0, 0), row(0, g.x * w.x, yz), row(0, yz, -g.x * w.x - g.y * w.y)}};
+}
+Eigen::Matrix3d plain(const Matrix3& m) {
+    Eigen::Matrix3d out;
+    for (int i = 0; i < 3; ++i) out.row(i) << m(i, 0), m(i, 1), m(i, 2);
     return out;
 }
 
@@ -84,12 +94,14 @@ constexpr auto all_series = [] {
 }();
 constexpr double series_below = 1.0;  // of y
 
-void multiply(const double* q, double w, double x, double y, double z, double* out) {
-    const double p[4] = {q[0] * w - q[1] * x - q[2] * y - q[3] * z, q[0] * x + q[1] * w + q[2] * z - q[3] * y,
-                         q[0] * y + q[2] * w + q[3] * x - q[1] * z, q[0] * z + q[3] * w + q[1] * y - q[2] * x};
-    // Of unit length to rounding, and so kept; what is beyond one counts alike above and below it.
+void multiply(const double* q, double w, double x, double y, double z, double* p) {
+    p[0] = q[0] * w - q[1] * x - q[2] * y - q[3] * z, p[1] = q[0] * x + q[1] * w + q[2] * z - q[3] * y;
+    p[2] = q[0] * y + q[2] * w + q[3] * x - q[1] * z, p[3] = q[0] * z + q[3] * w + q[1] * y - q[2] * x;
+}
+// Of unit length to rounding, and so kept; what is beyond one counts alike above and below it.
+void keep_unit(double* p) {
     const double beyond = (p[0] - 1.0) * (p[0] + 1.0) + p[1] * p[1] + p[2] * p[2] + p[3] * p[3];
-    for (int i = 0; i < 4; ++i) out[i] = p[i] - 0.5 * beyond * p[i];
+    for (int i = 0; i < 4; ++i) p[i] -= 0.5 * beyond * p[i];
 }
 
 }  // namespace
@@ -98,7 +110,10 @@ void turn_by(const double* q, const double* phi, double part, double* out) {
     const double square = part * part * (phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]),
                  half = 0.5 * std::sqrt(square);
     const double f = part * (square < 1e-8 ? 0.5 - square / 48.0 : 0.5 * std::sin(half) / half);
-    multiply(q, std::cos(half), f * phi[0], f * phi[1], f * phi[2], out);
+    double turned[4];
+    multiply(q, std::cos(half), f * phi[0], f * phi[1], f * phi[2], turned);
+    keep_unit(turned);
+    std::copy_n(turned, 4, out);
 }
 
 void rotation_between(const double* a, const double* b, double* out) {
@@ -146,6 +161,7 @@ void Turning::turn_half(const double* q, double* out) const {
 void Turning::turn_whole(const double* q, double* out) const {
     const double twice = 2.0 * cosine_ * sine_;
     multiply(q, 1.0 - 2.0 * sine_ * sine_ * dot(phi_, phi_), twice * phi_.x, twice * phi_.y, twice * phi_.z, out);
+    keep_unit(out);
 }
 
 void Turning::end_to_phi(double* beta) const {
@@ -171,141 +187,138 @@ void Turning::turn_rows(double* start, double* end) const {
     end[0] = b.x, end[1] = b.y, end[2] = b.z;
 }
 
-Matrix3 Turning::by_d() const {
-    const Vector3 p = column(phi_);
-    Matrix3 out = c_ * p * p.transpose();
-    out.diagonal().array() += 1.0 - c_ * p.squaredNorm();
+Matrix3 Turning::phi_by_d() const {
+    Matrix3 out = outer(c_ * phi_, phi_);
+    add_diagonal(out, 1.0 - c_ * dot(phi_, phi_));
     return out;
 }
 
 Matrix6 Turning::slope() const {
-    const Vector3 p = column(phi_);
-    const Matrix3 P = crossing(p), C = change_by_turn(p), xi_by_d = tau_ * P;
-    Matrix6 out;
-    out << Matrix3::Identity(), xi_by_d, P - C, by_d() - C * xi_by_d;
-    return out;
+    const Matrix3 P = crossing(phi_), xi_by_d = tau_ * P;
+    return joined(identity, xi_by_d, P - change_by_turn(phi_), phi_by_d() - changed_by_turn(phi_, xi_by_d));
 }
 
-// With d = by_d u and so on, the second changes of theta and phi along exp are those of
+// With xi = xi_d d and dphi = phi_d d by d, the second changes of theta and phi along exp are those of
 //
-//   h.phi + g.theta:   1/2 u'P'Y u - 1/2 g.(C xi) xi,
+//   h.phi + g.theta:   1/2 u'P'Y u - 1/2 g.(C xi) xi,   P u = dphi,
 //   Y u = s x h + c ((p x d) x h + d x (h x p)) + 2 c' p (h.p x (p x d)) + tau d x g + 2 tau' p (g.p x d),
 //
-// c' and tau' by x^2; F holds (C xi) xi.
-Matrix6 Turning::along(const Vector3& g, const Vector3& h, const Matrix3& twice_theta, const Matrix3& theta_phi,
+// c' and tau' by x^2.
+Matrix6 Turning::along(const Vector& g, const Vector& h, const Matrix3& twice_theta, const Matrix3& phi_theta,
                        const Matrix3& twice_phi) const {
-    const Vector3 p = column(phi_), hp = h.cross(p), gp = g.cross(p), hpp = hp.cross(p);
-    const Matrix3 P = crossing(p), H = crossing(h), phi_by_d = by_d(), xi_by_d = tau_ * P;
-    Matrix3 F;
-    F << 0, g[2], -g[1], g[2], 0, g[0], -g[1], g[0], 0;
-    // c (H P + [hp]) with [hp] = p h' - h p', H P = p h' - (h.p) 1
-    Matrix3 Y = -c_ * (2.0 * p * h.transpose() - h * p.transpose()) + p * (2.0 * (c1_ * hpp + tau1_ * gp)).transpose();
-    Y.diagonal().array() += c_ * h.dot(p);
-    Y -= tau_ * crossing(g);
-    const Matrix3 own = 0.5 * twice_theta - 0.25 * F, own_by_d = own * xi_by_d;
-    const Matrix3 left_s = 0.5 * (twice_phi * P - H) + theta_phi.transpose();
-    const Matrix3 left_d = 0.5 * (twice_phi * phi_by_d + Y) + theta_phi.transpose() * xi_by_d;
-    const Matrix3 ss = own - P * left_s, sd = own_by_d - P * left_d;
-    const Matrix3 ds = phi_by_d * left_s - xi_by_d * own, dd = phi_by_d * left_d - xi_by_d * own_by_d;
-    Matrix6 out;
-    out << ss + ss.transpose(), sd + ds.transpose(), ds + sd.transpose(), dd + dd.transpose();
-    return out;
+    const Vector &p = phi_, hp = cross(h, p), gp = cross(g, p), hpp = cross(hp, p);
+    const Matrix3 P = crossing(p), phi_d = phi_by_d(), xi_d = tau_ * P;
+    // -c ([h] [p] + [h x p]) with [h] [p] = p h' - (h.p) 1 and [h x p] = p h' - h p'
+    Matrix3 Y = outer(p, 2.0 * (c1_ * hpp + tau1_ * gp - c_ * h)) + outer(c_ * h, p) - tau_ * crossing(g);
+    add_diagonal(Y, c_ * dot(h, p));
+    // 1/4 of the Hessian of g.(C xi) xi is 1/4 [0 g3 -g2; g3 0 g1; -g2 g1 0]
+    const Vector f = 0.25 * g;
+    const Matrix3 own = 0.5 * twice_theta - Matrix3{{row(0, f.z, -f.y), row(f.z, 0, f.x), row(-f.y, f.x, 0)}};
+    const Matrix3 own_d = own * xi_d;
+    const Matrix3 left_s = 0.5 * (twice_phi * P - crossing(h)) + phi_theta;
+    const Matrix3 left_d = 0.5 * (twice_phi * phi_d + Y) + phi_theta * xi_d;
+    const Matrix3 ss = own - crossed(p, left_s), sd = own_d - crossed(p, left_d);
+    const Matrix3 ds = phi_d * left_s - crossed(tau_ * p, own), dd = phi_d * left_d - crossed(tau_ * p, own_d);
+    const Matrix3 both = sd + transposed(ds);
+    return joined(ss + transposed(ss), both, transposed(both), dd + transposed(dd));
 }
 
 // nu = J^-1 phi.
-Matrix6 Turning::bend(const Vector3& g, const Vector3& h) const {
-    const Vector3 p = column(phi_);
-    return along(g - change_by_turn(p).transpose() * h, h, weighted_bend(h, p), -weighted_change(h), Matrix3::Zero());
+Matrix6 Turning::bend(const Vector& g, const Vector& h) const {
+    return along(g - weighted_change(h, phi_), h, bend_form(h, phi_), -1.0 * transposed(change_form(h)), nothing);
 }
 
 // theta moves by J^-1 xi and nu by J^-1 eta - C(xi) phi + ..., of which xi and eta = dphi depend on phi.
-TurnedField::TurnedField(const Turning& turning, const Vector3& mu, const Vector3& w)
-    : at_(turning), phi_(column(turning.phi_)), s_(0.5 * (mu + w)), d_(w - mu) {
+TurnedField::TurnedField(const Turning& turning, const Vector& mu, const Vector& w)
+    : at_(turning), s_(0.5 * (mu + w)), d_(w - mu) {
     const double c = at_.c_, tau = at_.tau_;
-    const Vector3 across = phi_.cross(d_), twice = phi_.cross(across);
+    const Vector &phi = at_.phi_, across = cross(phi, d_), twice = cross(phi, across);
     xi_ = s_ + tau * across;
-    eta_ = d_ + phi_.cross(s_) + c * twice;
-    xi_phi_ = across * (2.0 * at_.tau1_ * phi_).transpose() - tau * crossing(d_);
-    eta_phi_ = twice * (2.0 * at_.c1_ * phi_).transpose() - crossing(s_ + c * across);
+    eta_ = d_ + cross(phi, s_) + c * twice;
+    xi_phi_ = outer((2.0 * at_.tau1_) * across, phi) - crossing(tau * d_);
     // -c [phi] [d] = -c (d phi' - (phi.d) 1)
-    eta_phi_ -= c * d_ * phi_.transpose();
-    eta_phi_.diagonal().array() += c * phi_.dot(d_);
-    const Matrix3 C = change_by_turn(phi_);
-    nu_theta_ = C * change_by_turn(xi_) - change_by_turn(eta_);
-    // 2 N(., xi) phi
-    nu_theta_(0, 1) += phi_[0] * xi_[1];
-    nu_theta_(0, 2) -= phi_[0] * xi_[2];
-    nu_theta_(1, 2) -= phi_[1] * xi_[2];
-    nu_theta_(2, 1) += phi_[1] * xi_[2];
-    nu_theta_(2, 2) += phi_[1] * xi_[1];
-    nu_phi_ = eta_phi_ - change_of_rates(xi_) - C * xi_phi_;
+    eta_phi_ = outer((2.0 * at_.c1_) * twice - c * d_, phi) - crossing(s_ + c * across);
+    add_diagonal(eta_phi_, c * dot(phi, d_));
+    // C(C(.) xi) phi - C(.) eta + 2 N(., xi) phi
+    nu_theta_ = changed_by_turn(phi, change_by_turn(xi_)) - change_by_turn(eta_) +
+                Matrix3{{row(0, phi.x * xi_.y, -phi.x * xi_.z), row(0, 0, -phi.y * xi_.z),
+                         row(0, phi.y * xi_.z, phi.y * xi_.y)}};
+    nu_phi_ = eta_phi_ - change_of_rates(xi_) - changed_by_turn(phi, xi_phi_);
 }
+
+Vector TurnedField::nu() const { return eta_ - change(xi_, at_.phi_); }
 
 Matrix6 TurnedField::slope() const {
-    const Matrix3 P = crossing(phi_), phi_by_d = at_.by_d(), xi_by_d = at_.tau_ * P, theta = -change_by_turn(xi_);
-    Matrix6 out;
-    out << theta + xi_phi_ * P, theta * xi_by_d + xi_phi_ * phi_by_d, nu_theta_ + nu_phi_ * P,
-        nu_theta_ * xi_by_d + nu_phi_ * phi_by_d;
-    return out;
+    const Matrix3 P = crossing(at_.phi_), phi_d = at_.phi_by_d(), xi_d = at_.tau_ * P,
+                  theta = -1.0 * change_by_turn(xi_);
+    return joined(theta + xi_phi_ * P, theta * xi_d + xi_phi_ * phi_d, nu_theta_ + nu_phi_ * P,
+                  nu_theta_ * xi_d + nu_phi_ * phi_d);
 }
 
-Vector3 TurnedField::nu() const { return eta_ - change_by_turn(phi_) * xi_; }
-
-Matrix6 TurnedField::bend(const Vector3& g, const Vector3& h, const Vector3& of_theta, const Vector3& of_nu) const {
-    const double x = phi_[0], y = phi_[1];
-    const Vector3 by_xi = g - change_by_turn(phi_).transpose() * h;  // at theta = 0
-    const Vector3 by_theta = nu_theta_.transpose() * h - change_by_turn(xi_).transpose() * g + of_theta -
-                             change_by_turn(phi_).transpose() * of_nu,
-                  by_phi = xi_phi_.transpose() * g + nu_phi_.transpose() * h + of_nu;
-    Matrix3 twice_theta = weighted_bend(by_xi, xi_) + weighted_bend(h, eta_) + weighted_bend(of_nu, phi_);
-    twice_theta(1, 1) -= 2.0 * h[2] * (y * xi_[0] + x * xi_[1]) + h[0] * y * xi_[2];
-    twice_theta(2, 2) += h[2] * (2.0 * y * xi_[0] + x * xi_[1]) + h[0] * y * xi_[2] - h[1] * x * xi_[2];
-    const double across = h[0] * (2.0 * x * xi_[0] - y * xi_[1]) + h[1] * y * xi_[0] + h[2] * x * xi_[2];
-    twice_theta(1, 2) += across;
-    twice_theta(2, 1) += across;
-
-    Matrix3 theta_phi = (weighted_bend(h, phi_) - weighted_change(by_xi)) * xi_phi_ - weighted_change(h) * eta_phi_ -
-                        weighted_change(of_nu);
-    theta_phi(1, 0) += h[0] * xi_[1] - h[1] * xi_[0];
-    theta_phi(1, 1) += h[0] * xi_[0] + h[2] * xi_[2];
-    theta_phi(2, 0) -= h[0] * xi_[2] + h[2] * xi_[0];
-    theta_phi(2, 1) += h[2] * xi_[1] - h[1] * xi_[2];
+Matrix6 TurnedField::bend(const Vector& g, const Vector& h, const Vector& of_theta, const Vector& of_nu) const {
+    const Vector &phi = at_.phi_, &xi = xi_;
+    const double x = phi.x, y = phi.y;
+    const Vector by_xi = g - weighted_change(h, phi);  // at theta = 0
+    const Vector by_theta = times(h, nu_theta_) - weighted_change(g, xi) + of_theta - weighted_change(of_nu, phi);
+    const Vector by_phi = times(g, xi_phi_) + times(h, nu_phi_) + of_nu;
+    const double yy = -2.0 * h.z * (y * xi.x + x * xi.y) - h.x * y * xi.z;
+    const double zz = h.z * (2.0 * y * xi.x + x * xi.y) + h.x * y * xi.z - h.y * x * xi.z;
+    const double yz = h.x * (2.0 * x * xi.x - y * xi.y) + h.y * y * xi.x + h.z * x * xi.z;
+    const Matrix3 twice_theta = bend_form(by_xi, xi) + bend_form(h, eta_) + bend_form(of_nu, phi) +
+                                Matrix3{{row(0, 0, 0), row(0, yy, yz), row(0, yz, zz)}};
+    const Matrix3 theta_phi = bend_form(h, phi) * xi_phi_ - change_form(by_xi, xi_phi_) - change_form(h, eta_phi_) -
+                              change_form(of_nu) +
+                              Matrix3{{row(0, 0, 0), row(h.x * xi.y - h.y * xi.x, h.x * xi.x + h.z * xi.z, 0),
+                                       row(-h.x * xi.z - h.z * xi.x, h.z * xi.y - h.y * xi.z, 0)}};
 
     // by_xi.xi = tau q + ... and h.eta = c r + ...
-    const Vector3 e = d_.cross(by_xi);
-    const double ph = phi_.dot(h), pd = phi_.dot(d_), dh = d_.dot(h), q = phi_.dot(e),
-                 r = pd * ph - phi_.squaredNorm() * dh;
-    const Vector3 r_phi = d_ * ph + h * pd - 2.0 * dh * phi_;
-    const Vector3 by_p = 2.0 * (at_.tau1_ * e + at_.c1_ * r_phi + (at_.tau2_ * q + at_.c2_ * r) * phi_);
-    const Matrix3 half =
-        phi_ * by_p.transpose() + at_.c_ * d_ * h.transpose() - xi_phi_.transpose() * weighted_change(h);
-    Matrix3 twice_phi = half + half.transpose();
-    twice_phi.diagonal().array() += 2.0 * (at_.tau1_ * q + at_.c1_ * r - at_.c_ * dh);
-    return at_.along(by_theta, by_phi, twice_theta, theta_phi, twice_phi);
+    const Vector e = cross(d_, by_xi);
+    const double ph = dot(phi, h), pd = dot(phi, d_), dh = dot(d_, h), q = dot(phi, e),
+                 r = pd * ph - dot(phi, phi) * dh;
+    const Vector r_phi = ph * d_ + pd * h - (2.0 * dh) * phi;
+    const Vector by_p = 2.0 * (at_.tau1_ * e + at_.c1_ * r_phi + (at_.tau2_ * q + at_.c2_ * r) * phi);
+    const Matrix3 half = outer(phi, by_p) + outer(at_.c_ * d_, h) - transposed_product(xi_phi_, change_form(h));
+    Matrix3 twice_phi = half + transposed(half);
+    add_diagonal(twice_phi, 2.0 * (at_.tau1_ * q + at_.c1_ * r - at_.c_ * dh));
+    return at_.along(by_theta, by_phi, twice_theta, transposed(theta_phi), twice_phi);
 }
 
+// With the blocks of the form ss and so on: of the start, of both, and of the end.
 Matrix6 by_ends(const Matrix6& form) {
-    const Matrix3 ss = 0.25 * form.topLeftCorner<3, 3>(), sd = 0.5 * form.topRightCorner<3, 3>(),
-                  ds = 0.5 * form.bottomLeftCorner<3, 3>(), dd = form.bottomRightCorner<3, 3>();
-    Matrix6 out;
-    out << ss - sd - ds + dd, ss + sd - ds - dd, ss - sd + ds - dd, ss + sd + ds + dd;
+    Matrix6 rows, out;  // rows of alpha and beta
+    for (int i = 0; i < 3; ++i) {
+        rows.rows[i] = 0.5 * form.rows[i] - form.rows[3 + i];
+        rows.rows[3 + i] = 0.5 * form.rows[i] + form.rows[3 + i];
+    }
+    for (int i = 0; i < 6; ++i) {
+        Row s, d;
+        std::memcpy(&s, rows.rows[i].data(), sizeof s);
+        std::memcpy(&d, rows.rows[i].data() + 3, sizeof d);
+        const Row start = 0.5 * s - d, end = 0.5 * s + d;
+        double* to = out.rows[i].data();
+        std::memcpy(to, &start, sizeof start);
+        std::memcpy(to + 3, &end, sizeof end);
+        to[6] = to[7] = 0.0;
+    }
     return out;
 }
 
-Matrix3 TurnedAxis::slope() const { return -change_by_turn(w); }
-Matrix3 TurnedAxis::bend(const Vector3& g) const {
-    Matrix3 out;
-    const double xy = 0.5 * (w[1] * g[0] - w[0] * g[1]), xz = -0.5 * w[0] * g[2], yz = w[1] * g[2];
-    out << 0, xy, xz, xy, w[0] * g[0], yz, xz, yz, -w[0] * g[0] - w[1] * g[1];
+Eigen::Matrix3d TurnedAxis::slope() const { return -plain(change_by_turn(w)); }
+Eigen::Matrix3d TurnedAxis::bend(const Eigen::Vector3d& g) const {
+    const double xy = 0.5 * (w.y * g[0] - w.x * g[1]), xz = -0.5 * w.x * g[2], yz = w.y * g[2];
+    Eigen::Matrix3d out;
+    out << 0, xy, xz, xy, w.x * g[0], yz, xz, yz, -w.x * g[0] - w.y * g[1];
     return out;
 }
 
 // theta = a - C(a) a/2 along exp.
-Matrix3 symmetric_chart_bend(const Vector3& g) {
-    Matrix3 out;
+Eigen::Matrix3d symmetric_chart_bend(const Eigen::Vector3d& g) {
+    Eigen::Matrix3d out;
     out << 0, -0.5 * g[2], 0.5 * g[1], -0.5 * g[2], 0, -0.5 * g[0], 0.5 * g[1], -0.5 * g[0], 0;
     return out;
 }
-Matrix3 chart_bend(const Vector3& g) { return symmetric_chart_bend(g) - 0.5 * crossing(g); }
+Eigen::Matrix3d chart_bend(const Eigen::Vector3d& g) {
+    return symmetric_chart_bend(g) - 0.5 * plain(crossing({g[0], g[1], g[2]}));
+}
 
 }  // namespace leastaction

@@ -26,6 +26,7 @@
 
 #include <Eigen/Core>
 
+#include "numerics/small_matrix.hpp"
 #include "numerics/spatial.hpp"
 
 namespace leastaction {
@@ -37,10 +38,9 @@ Vec3<double> turned(const double* quaternion, const Vec3<double>& a, double sens
 
 class Turning {
 public:
-    using Vector3 = Eigen::Vector3d;
-    using Vector6 = Eigen::Matrix<double, 6, 1>;
-    using Matrix3 = Eigen::Matrix3d;
-    using Matrix6 = Eigen::Matrix<double, 6, 6>;
+    using Vector = Vec3<double>;
+    using Matrix3 = SmallMatrix<3>;
+    using Matrix6 = SmallMatrix<6>;
 
     explicit Turning(const double* phi);
     const double* phi() const { return &phi_.x; }
@@ -57,35 +57,35 @@ public:
     // Derivatives of (theta, nu), rows, by (s, d).
     Matrix6 slope() const;
     // Second derivatives of g.theta + h.nu by (s, d).
-    Matrix6 bend(const Vector3& g, const Vector3& h) const;
+    Matrix6 bend(const Vector& g, const Vector& h) const;
 
 private:
     friend class TurnedField;
-    // The second derivatives by (s, d) of a function with these by theta and phi: gradients g and h, and Hessians.
-    Matrix6 along(const Vector3& g, const Vector3& h, const Matrix3& twice_theta, const Matrix3& theta_phi,
+    // The second derivatives by (s, d) of a function of theta and phi with these gradients g and h and these Hessians.
+    Matrix6 along(const Vector& g, const Vector& h, const Matrix3& twice_theta, const Matrix3& phi_theta,
                   const Matrix3& twice_phi) const;
-    Matrix3 by_d() const;  // dphi
+    Matrix3 phi_by_d() const;
 
-    Vec3<double> phi_;
+    Vector phi_;
     double c_, c1_, c2_, tau_, tau1_, tau2_;  // with first and second derivatives by x^2
     double cosine_, sine_;                    // exp(phi/2) is the quaternion (cosine, sine phi)
 };
 
-// The field (theta, nu) changes by along turns (mu, w) of the ends, as a function of the ends itself.
+// The field that (theta, nu) change by along turns (mu, w) of the ends, as a function of the ends itself.
 class TurnedField {
 public:
-    TurnedField(const Turning& turning, const Eigen::Vector3d& mu, const Eigen::Vector3d& w);
-    Eigen::Vector3d theta() const { return xi_; }
-    Eigen::Vector3d nu() const;
+    TurnedField(const Turning& turning, const Vec3<double>& mu, const Vec3<double>& w);
+    Vec3<double> theta() const { return xi_; }
+    Vec3<double> nu() const;
     Turning::Matrix6 slope() const;  // derivatives of it (rows) by (s, d)
-    // Second derivatives by (s, d) of g and h times its parts, and by_theta.theta + by_nu.nu.
-    Turning::Matrix6 bend(const Eigen::Vector3d& g, const Eigen::Vector3d& h, const Eigen::Vector3d& by_theta,
-                          const Eigen::Vector3d& by_nu) const;
+    // Second derivatives by (s, d) of g and h times its parts, and of by_theta.theta + by_nu.nu.
+    Turning::Matrix6 bend(const Vec3<double>& g, const Vec3<double>& h, const Vec3<double>& by_theta,
+                          const Vec3<double>& by_nu) const;
 
 private:
     const Turning& at_;
-    Eigen::Vector3d phi_, s_, d_, xi_, eta_;                // xi and dphi along (mu, w)
-    Eigen::Matrix3d xi_phi_, eta_phi_, nu_theta_, nu_phi_;  // derivatives
+    Vec3<double> s_, d_, xi_, eta_;                          // xi and dphi along (mu, w)
+    Turning::Matrix3 xi_phi_, eta_phi_, nu_theta_, nu_phi_;  // derivatives
 };
 
 // A ball that is prescribed: the rotation vector phi of a step is given, in place of where it ends. By a turn alpha of the
@@ -96,14 +96,14 @@ private:
 // with * the product of turns, a * b = a + b + a x b/2 to second order.
 class GivenTurning {
 public:
-    using Matrix6 = Turning::Matrix6;
+    using Matrix6 = Eigen::Matrix<double, 6, 6>;
     using Matrix36 = Eigen::Matrix<double, 3, 6>;
 
     explicit GivenTurning(const double* phi) : phi_{phi[0], phi[1], phi[2]} {}
 
     // As of Turning, with s = (alpha + e)/2 and d = e - alpha.
-    Matrix6 slope() const;
-    Matrix6 bend(const Eigen::Vector3d& g, const Eigen::Vector3d& h) const;
+    Turning::Matrix6 slope() const;
+    Turning::Matrix6 bend(const Vec3<double>& g, const Vec3<double>& h) const;
     // Of beta (rows) by (alpha, e), and the second ones, weighted.
     Matrix36 end_slope() const;
     Matrix6 end_bend(const Eigen::Vector3d& g) const;
@@ -117,8 +117,8 @@ Turning::Matrix6 by_ends(const Turning::Matrix6& form);
 
 // Turns about one place alone: J^-1 w of a w that is constant in the body, and its derivatives along exp.
 struct TurnedAxis {
-    explicit TurnedAxis(const double* w) : w(w[0], w[1], w[2]) {}
-    Eigen::Vector3d w;
+    explicit TurnedAxis(const double* w) : w{w[0], w[1], w[2]} {}
+    Vec3<double> w;
     Eigen::Matrix3d slope() const;                         // X_u (J^-1 w), columns u
     Eigen::Matrix3d bend(const Eigen::Vector3d& g) const;  // symmetric part of g.X_u X_v (J^-1 w)
 };
