@@ -9,6 +9,7 @@
 
 #include "bindings/arrays.hpp"
 #include "dynamics/lagrangian.hpp"
+#include "mechanism/time_slopes.hpp"
 
 using namespace nanobind::literals;
 
@@ -16,13 +17,16 @@ namespace leastaction {
 
 namespace {
 
+// A time (s), or none: the mechanism's own.
+using Time = std::optional<double>;
+
 // The whole Lagrangian at one point, all joints placed: the kernel, and the potentials that it does not know.
 template <class T>
 class WholeLagrangian : public Lagrangian<T> {
 public:
-    WholeLagrangian(const Mechanism& m, std::vector<T> q, const std::vector<T>& v, double t = 0)
+    WholeLagrangian(const Mechanism& m, std::vector<T> q, const std::vector<T>& v, Time t = {})
         : Lagrangian<T>(m), q(std::move(q)), mechanism_(m) {
-        this->at.time = t;
+        if (t) this->at.time = *t;
         this->gradient(this->q.data(), v.data());
         place(m.massless_joints_seen, this->q.data(), this->at);
         for (const auto& potential : m.potentials) {
@@ -67,10 +71,10 @@ private:
     T stored_{};
 };
 
-WholeLagrangian<double> point_at(const Mechanism& m, const In<1>& q, const In<1>& v, double t = 0) {
+WholeLagrangian<double> point_at(const Mechanism& m, const In<1>& q, const In<1>& v, Time t = {}) {
     return {m, configuration_of(m, q, "q"), to_internal(m, v, "v"), t};
 }
-WholeLagrangian<double> at_rest(const Mechanism& m, const In<1>& q, double t = 0) {
+WholeLagrangian<double> at_rest(const Mechanism& m, const In<1>& q, Time t = {}) {
     return {m, configuration_of(m, q, "q"), std::vector<double>(m.n_variables()), t};
 }
 
@@ -90,10 +94,11 @@ struct ConstraintRows {
     std::vector<double> h, C;  // C over the user's order of variables
 };
 
-ConstraintRows constraints_at(const Mechanism& m, const In<1>& q) {
+ConstraintRows constraints_at(const Mechanism& m, const In<1>& q, Time t) {
     const int nq = m.n_variables(), nc = m.n_constraints();
     const std::vector<double> internal = configuration_of(m, q, "q");
     Placement<double> at(m);
+    if (t) at.time = *t;
     place(m.constraint_joints, internal.data(), at);
     ConstraintRows out{std::vector<double>(nc), std::vector<double>(static_cast<std::size_t>(nc) * nq)};
     LocalTaylor<double> local;
@@ -142,6 +147,18 @@ Out joint_twists(const Mechanism& m, const In<2>& q) {
     return out;
 }
 
+// Of h by the time alone: h_t (nc), and its slope by q (nc, nv).
+nb::tuple constraint_drift(const Mechanism& m, const In<1>& q, Time t) {
+    const std::size_t nv = m.n_variables(), nc = m.n_constraints();
+    const std::vector<double> internal = configuration_of(m, q, "q");
+    const Out rates = zeros({nc}), slopes = zeros({nc, nv});
+    if (m.time_slot >= 0)
+        TimeSlopes(m).constraints(
+            t.value_or(m.own_time()), internal.data(), [&](int c, double rate) { rates.data()[c] = rate; },
+            [&](int c, int i, double slope) { slopes.data()[c * nv + m.external[i]] += slope; });
+    return nb::make_tuple(rates, slopes);
+}
+
 Out constraint_hessian(const Mechanism& m, const In<1>& q, const In<1>& lam) {
     expect(lam.size(), m.n_constraints(), "lam");
     const std::size_t n = m.n_variables();
@@ -161,7 +178,7 @@ Out constraint_hessian(const Mechanism& m, const In<1>& q, const In<1>& lam) {
 // Forces at one point: f (nq), of kinematic variables too; by_q and by_v (nq x nq), by_u (nq x inputs).
 struct Forces {
     Forces(const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u, Order order,
-           const std::optional<ElementParts>& parts, double t = 0)
+           const std::optional<ElementParts>& parts, Time t = {})
         : m(m), n(m.n_variables()) {
         const std::vector<double> Q = configuration_of(m, q, "q"), V = to_internal(m, v, "v");
         expect(u.size(), m.n_inputs, "u");
@@ -182,7 +199,7 @@ struct Forces {
             if (order != Order::value) by_u.data()[m.external[variable] * r + input] += 1.0;
         }
         Placement<double> at(m);
-        at.time = t;
+        if (t) at.time = *t;
         place(m.force_joints, Q.data(), at);
         LocalForce<double> local;
         const ForcePoint<double> point{at, Q.data(), V.data(), u.data()};
@@ -263,6 +280,14 @@ void bind_mechanism(nb::module_& module) {
             "numbers"_a, "The same mechanism with other numbers of its elements, but for those of gravity.")
         .def_prop_ro(
             "timed", [](const Mechanism& m) { return m.time_slot >= 0; }, "Whether an element changes with the time.")
+        .def(
+            "at_time",
+            [](const Mechanism& m, double t) {
+                std::vector<double> numbers = m.numbers;
+                if (m.time_slot >= 0) numbers[m.time_slot] = t;
+                return std::const_pointer_cast<Mechanism>(with_numbers(m, std::move(numbers)));
+            },
+            "t"_a, "The same mechanism with another time (s) of its own, which holds where no other is told.")
         .def_prop_ro("n_constraints", &Mechanism::n_constraints)
         .def_prop_ro("n_configuration", &Mechanism::n_configuration)
         .def_prop_ro("n_joints", [](const Mechanism& m) { return m.joints.size(); })
@@ -275,15 +300,15 @@ void bind_mechanism(nb::module_& module) {
             "q"_a, "v"_a, "Kinetic energy in joules.")
         .def(
             "potential_energy",
-            [](const Mechanism& m, const In<1>& q, double t) { return at_rest(m, q, t).potential_energy(); }, "q"_a,
-            "t"_a = 0.0, "Potential energy in joules, of gravity and all other potentials.")
+            [](const Mechanism& m, const In<1>& q, Time t) { return at_rest(m, q, t).potential_energy(); }, "q"_a,
+            "t"_a.none() = nb::none(), "Potential energy in joules, of gravity and all other potentials.")
         .def(
             "gradient",
-            [](const Mechanism& m, const In<1>& q, const In<1>& v, double t) {
+            [](const Mechanism& m, const In<1>& q, const In<1>& v, Time t) {
                 const auto point = point_at(m, q, v, t);
                 return std::tuple(by_variable(m, point.L_q), by_variable(m, point.L_v));
             },
-            "q"_a, "v"_a, "t"_a = 0.0, "Gradient of the Lagrangian: (L_q, L_v), each (nq,).")
+            "q"_a, "v"_a, "t"_a.none() = nb::none(), "Gradient of the Lagrangian: (L_q, L_v), each (nq,).")
         .def(
             "hessian", [](const Mechanism& m, const In<1>& q, const In<1>& v) { return point_at(m, q, v).second(); },
             "q"_a, "v"_a, "Hessian of the Lagrangian: (L_qq, L_vq, L_vv), L_vq[i, j] = d2L/dv_i dq_j.")
@@ -324,8 +349,8 @@ void bind_mechanism(nb::module_& module) {
             "force",
             [](const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& u,
                const std::optional<ElementParts>& parts,
-               double t) { return Forces(m, q, v, u, Order::value, parts, t).f; },
-            "q"_a, "v"_a, "u"_a, "parts"_a.none() = nb::none(), "t"_a = 0.0,
+               Time t) { return Forces(m, q, v, u, Order::value, parts, t).f; },
+            "q"_a, "v"_a, "u"_a, "parts"_a.none() = nb::none(), "t"_a.none() = nb::none(),
             "Generalized forces f(q, v, u), (nq,): of all elements, or the parts of one.")
         .def(
             "force_jacobians",
@@ -343,17 +368,21 @@ void bind_mechanism(nb::module_& module) {
             "Numbers of the elements, by slot.")
         .def(
             "constraints",
-            [](const Mechanism& m, const In<1>& q) {
-                return copy_of(constraints_at(m, q).h, {static_cast<std::size_t>(m.n_constraints())});
+            [](const Mechanism& m, const In<1>& q, Time t) {
+                return copy_of(constraints_at(m, q, t).h, {static_cast<std::size_t>(m.n_constraints())});
             },
-            "q"_a, "Constraint residuals h(q), (nc,).")
+            "q"_a, "t"_a.none() = nb::none(),
+            "Constraint residuals h(q), (nc,); at the mechanism's own time if no other.")
         .def(
             "constraint_jacobian",
-            [](const Mechanism& m, const In<1>& q) {
-                return copy_of(constraints_at(m, q).C, {static_cast<std::size_t>(m.n_constraints()),
-                                                        static_cast<std::size_t>(m.n_variables())});
+            [](const Mechanism& m, const In<1>& q, Time t) {
+                return copy_of(constraints_at(m, q, t).C, {static_cast<std::size_t>(m.n_constraints()),
+                                                           static_cast<std::size_t>(m.n_variables())});
             },
-            "q"_a, "Constraint Jacobian Dh(q), (nc, nq).");
+            "q"_a, "t"_a.none() = nb::none(), "Constraint Jacobian Dh(q), (nc, nq).")
+        .def("constraint_drift", &constraint_drift, "q"_a, "t"_a.none() = nb::none(),
+             "What constraints change by in a second where nothing moves, dh/dt (nc,), and its derivatives by q (nc, "
+             "nv).");
     bind_queries(mechanism);
     bind_states(mechanism);
 }

@@ -14,6 +14,7 @@
 #include "discrete/layout.hpp"
 #include "discrete/trajectory.hpp"
 #include "dynamics/lagrangian.hpp"
+#include "mechanism/time_slopes.hpp"
 
 using namespace nanobind::literals;
 
@@ -33,16 +34,20 @@ bool all_finite(const double* values, std::size_t n) {
 
 // Whether constraints are met, each to a part of max(1, |Dh|, |Dh|^2 / 4), and kept by a velocity, to a part of the size of
 // the terms of its rate (at least 1).
-bool is_consistent(const Mechanism& m, const std::vector<double>& q, const std::vector<double>& v, double tolerance,
-                   double rate_tolerance) {
+bool is_consistent(const Mechanism& m, const std::vector<double>& q, const std::vector<double>& v, double t,
+                   double tolerance, double rate_tolerance) {
     Placement<double> at(m);
+    at.time = t;
+    std::vector<double> by_time(m.n_constraints());
+    if (m.time_slot >= 0) TimeSlopes(m).constraints(t, q.data(), [&](int c, double slope) { by_time[c] = slope; });
     place(m.constraint_joints, q.data(), at);
     LocalTaylor<double> local;
     std::vector<double> row(m.n_variables());
-    for (const auto& constraint : m.constraints) {
+    for (std::size_t c = 0; c < by_time.size(); ++c) {
+        const auto& constraint = m.constraints[c];
         std::fill(row.begin(), row.end(), 0.0);
         for_each_entry(*constraint, at, q.data(), local, [&](int i, double slope) { row[i] += slope; });
-        double square = 0, rate = 0, size = 0;
+        double square = 0, rate = by_time[c], size = std::abs(rate);
         for (std::size_t i = 0; i < row.size(); ++i) {
             square += row[i] * row[i];
             rate += row[i] * v[i];
@@ -56,8 +61,8 @@ bool is_consistent(const Mechanism& m, const std::vector<double>& q, const std::
 }
 
 // Writes the state [q; rho; p; v_rho] at a configuration and a velocity; false where it is not finite or not consistent.
-bool start(const Mechanism& m, const In<1>& q, const std::optional<In<1>>& v, double tolerance, double rate_tolerance,
-           const Written<1>& x) {
+bool start(const Mechanism& m, const In<1>& q, const std::optional<In<1>>& v, double t, double tolerance,
+           double rate_tolerance, const Written<1>& x) {
     const Layout at(m);
     expect(x.size(), at.nx, "x");
     const std::vector<double> place = configuration_of(m, q, "q");
@@ -67,7 +72,7 @@ bool start(const Mechanism& m, const In<1>& q, const std::optional<In<1>>& v, do
     std::copy_n(q.data(), at.nqx, x.data());
     for (int i = 0; i < at.nd; ++i) x.data()[at.nqx + m.external[i]] = lagrangian.L_v[i];
     for (int i = at.nd; i < at.nq; ++i) x.data()[at.nqx + m.external[i]] = speed[i];
-    return all_finite(x.data(), at.nx) && is_consistent(m, place, speed, tolerance, rate_tolerance);
+    return all_finite(x.data(), at.nx) && is_consistent(m, place, speed, t, tolerance, rate_tolerance);
 }
 
 // Momenta p (N, nd) of configurations and velocities.
@@ -176,7 +181,7 @@ std::optional<Told> step(const Midpoint& midpoint, double t, double dt, const In
 
 void bind_states(nb::class_<Mechanism>& mechanism) {
     mechanism
-        .def("start", &start, "q"_a, "v"_a.none(), "tolerance"_a, "rate_tolerance"_a, "x"_a,
+        .def("start", &start, "q"_a, "v"_a.none(), "t"_a, "tolerance"_a, "rate_tolerance"_a, "x"_a,
              "Writes the state x (nx,) at a configuration and a velocity, None for rest; False where it is not finite "
              "or violates the constraints: each to a part of max(1, |Dh|, |Dh|^2 / 4), its rate of the size of its "
              "terms, at least 1.")

@@ -75,19 +75,28 @@ void Continuous::add_elements() {
     for (const auto& [i, slot] : m.damping) f_[i] -= m.numbers[slot] * v[i];
     for (const auto& [i, input] : m.joint_forces) f_[i] += u[input];
     place(massless_joints_, q.data(), bodies_.at);
-    bodies_.at.time = along_v_.time = along_mu_.time = t;
+    bodies_.at.time = t;
+    along_mu_.time = t;
     for_each_entry(m.potentials, bodies_.at, q.data(), local_, [&](int i, double slope) { f_[i] -= slope; });
     for_each_entry(m.forces, force_point(), force_, [&](int i, double f) { f_[i] += f; });
 }
 
-// Dh, and g without what the unknown accelerations add to it; for derivatives with the third order along v at hand.
+// Dh, and g without what the unknown accelerations add to it; for derivatives with the third order along v at hand. What
+// constraints change with the time counts as a variable at the velocity one: h' = Dh v + h_t, and in h'' the slope of h_t along
+// v and t comes twice, by that of h' and of itself.
 void Continuous::constraint_rows(bool derivatives) {
     const Mechanism& m = *mechanism_;
     if (nc_ == 0) return;
     std::fill(C_.begin(), C_.end(), 0.0);
+    const bool timed = m.time_slot >= 0;
+    if (timed) {
+        place_motion(false);
+        derivatives = true;
+    }
     if (derivatives) {
         for (int i = 0; i < nq_; ++i) q_along_v_[i] = {q[i], v[i]};
         hold_rotations(q_along_v_);
+        along_v_.time = {t, 1.0};
         place(m.constraint_joints, q_along_v_.data(), along_v_);
     }
     for (int c = 0; c < nc_; ++c) {
@@ -118,7 +127,23 @@ void Continuous::constraint_rows(bool derivatives) {
         }
         g_[c] = bend + damping_ * slope + stiffness_ * h;
         for (int i = nd_; i < nq_; ++i) g_[c] += row[i] * a[i];
+        if (timed) {
+            constraint.evaluate(*along_motion_, q_along_motion_.data(), Order::value, hyper_local_);
+            g_[c] += hyper_local_.value.d.d;
+        }
     }
+}
+
+// What is evaluated there has in its d.d the second derivative by time along q, v, a, and t; or that along (v, t) and t.
+void Continuous::place_motion(bool along_accelerations) {
+    if (!along_motion_) along_motion_ = std::make_unique<Placement<HyperDual>>(*mechanism_);
+    for (int i = 0; i < nq_; ++i) {
+        q_along_motion_[i] = {{q[i], v[i]}, {}};
+        if (along_accelerations) q_along_motion_[i].d = {v[i], a[i]};
+    }
+    hold_rotations(q_along_motion_);
+    along_motion_->time = {{t, 1.0}, {1.0, 0.0}};
+    place(mechanism_->constraint_joints, q_along_motion_.data(), *along_motion_);
 }
 
 // Which pivot of the mass matrix is no inertia, or -1.

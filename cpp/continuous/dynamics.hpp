@@ -4,6 +4,7 @@
 //
 //   r(q, v, a, u) - Dh(q)' lam = 0  (dynamic rows),     g = Dh a + v'D2h v + d Dh v + s h = 0,
 //
+// and g = h'' + d h' + s h of constraints h(q, t) that change with the time, where h' = Dh v + h_t. In these equations
 // where the kinematic part rho_a of a is given. The damping d and the stiffness s are Baumgarte's stabilisation, h'' + d h' +
 // s h = 0: constraints that are violated come back like an oscillator; zero leaves them to drift.
 //
@@ -67,6 +68,7 @@ private:
     bool factor_mass_matrix();
     void add_elements();  // forces and slopes of potentials, into f_
     void constraint_rows(bool derivatives);
+    void place_motion(bool along_accelerations);
     void add_force_derivatives();
     void add_constraint_derivatives();
     void force_curvature();

@@ -58,16 +58,19 @@ void Continuous::add_force_derivatives() {
 
 // -Dh' lam in the dynamic rows; in their own g_q = D2h a + D3h[v] v + d D2h v + s Dh and g_v = 2 D2h v + d Dh.
 void Continuous::add_constraint_derivatives() {
+    const bool timed = mechanism_->time_slot >= 0;
     for (int c = 0; c < nc_; ++c) {
-        const auto& support = mechanism_->constraints[c]->support();
+        const auto& constraint = *mechanism_->constraints[c];
+        const auto& support = constraint.support();
         const std::size_t n = support.size();
         const LocalTaylor<Dual<double>>& local = constraints_along_v_[c];
         double* row = &Y[static_cast<std::size_t>(nd_ + c) * ld_];
+        if (timed) constraint.evaluate(*along_motion_, q_along_motion_.data(), Order::gradient, hyper_local_);
         for (std::size_t i = 0; i < n; ++i) {
             const int variable = support[i];
             const Dual<double>* second = &local.hessian[i * n];
             const Dual<double> slope = local.gradient[i];
-            double bend = 0;
+            double bend = timed ? hyper_local_.gradient[i].d.d : 0.0;
             for (std::size_t j = 0; j < n; ++j) bend += second[j].v * a[support[j]] + second[j].d * v[support[j]];
             row[variable] = -(bend + damping_ * slope.d + stiffness_ * slope.v);
             row[at_v_ + variable] = -(2.0 * slope.d + damping_ * slope.v);
@@ -143,6 +146,7 @@ void Continuous::force_curvature() {
     const std::size_t width = n_theta_;
     for (int i = 0; i < nq_; ++i) q_along_v_[i] = {q[i], v[i]};
     hold_rotations(q_along_v_);
+    along_v_.time = t;  // what a force knows of rates by the time is a part of its expression
     place(m.force_joints, q_along_v_.data(), along_v_);
     const ForceDirections directions{along_v_, along_mu_, q_along_v_.data(), q_along_mu_.data(), mu_.data()};
     for (const auto& force : m.forces) {
@@ -164,10 +168,7 @@ void Continuous::constraint_curvature() {
     const Mechanism& m = *mechanism_;
     const std::size_t width = n_theta_;
     place(m.constraint_joints, q_along_mu_.data(), along_mu_);
-    if (!along_motion_) along_motion_ = std::make_unique<Placement<HyperDual>>(m);
-    for (int i = 0; i < nq_; ++i) q_along_motion_[i] = {{q[i], v[i]}, {v[i], a[i]}};
-    hold_rotations(q_along_motion_);
-    place(m.constraint_joints, q_along_motion_.data(), *along_motion_);
+    place_motion(true);
     for (int c = 0; c < nc_; ++c) {
         const auto& constraint = *m.constraints[c];
         const auto& support = constraint.support();

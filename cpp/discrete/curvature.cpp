@@ -37,6 +37,8 @@ SecondOrder::SecondOrder(const Mechanism& mechanism, Split split)
 
 void SecondOrder::hessian(double dt, const FirstOrder& first) {
     set_multipliers(first);
+    dual_at1_.time = t;
+    at2_.time = t + dt;
     const int ny = nd_ + nc_;
     W_yy_.setZero(ny, ny);
     W_yth_.setZero(ny, n_theta_);
@@ -200,7 +202,8 @@ void SecondOrder::each_force_curvature(const std::vector<std::shared_ptr<const G
         q_along_mu_[i] = {q_mid_[i], mu_force_[i]};
     }
     for (std::size_t i = nq_; i < q_mid_.size(); ++i) q_along_v_[i] = q_along_mu_[i] = q_mid_[i];
-    at_middle_.time = along_v_->time = along_mu_->time = time;
+    at_middle_.time = time;
+    along_v_->time = along_mu_->time = time;
     place(joints, q_mid_.data(), at_middle_);
     place(joints, q_along_v_.data(), *along_v_);
     place(joints, q_along_mu_.data(), *along_mu_);

@@ -8,27 +8,6 @@
 
 namespace leastaction {
 
-namespace {
-
-// What potentials that change with the time gain a second where nothing moves (W).
-double growth_of_potentials(const Mechanism& m, double t, const std::vector<double>& q) {
-    if (m.time_slot < 0 || m.potentials.empty()) return 0;
-    Placement<Dual<double>> at(m);
-    at.time = t;
-    at.time_slope = 1;
-    const std::vector<Dual<double>> place_of(q.begin(), q.end());
-    place(m.element_joints, place_of.data(), at);
-    LocalTaylor<Dual<double>> local;
-    double out = 0;
-    for (const auto& potential : m.potentials) {
-        potential->evaluate(at, place_of.data(), Order::value, local);
-        out += local.value.d;
-    }
-    return out;
-}
-
-}  // namespace
-
 void MidpointStep::energy(double dt, const double* p, StepEnergy& out) {
     const Mechanism& m = *mechanism_;
     for (auto* a : {&out.v, &out.at_start, &out.at_end}) a->resize(nq_);
@@ -36,7 +15,11 @@ void MidpointStep::energy(double dt, const double* p, StepEnergy& out) {
     out.kinetic = kinetic;
     out.potential = lagrangian_.potential_energy() + stored_;
     out.size = kinetic + lagrangian_.potential_size() + stored_size_;
-    out.grown = dt * growth_of_potentials(m, lagrangian_.at.time, q_mid_);
+    out.grown = out.pushed = 0;
+    if (by_time_) {
+        out.grown = dt * by_time_->potentials(lagrangian_.at.time, q_mid_.data());
+        by_time_->constraints(t, q1.data(), [&](int c, double rate) { out.pushed += lam[c] * rate; });
+    }
     const double km = kappa_minus(settings_.split, dt), kp = kappa_plus(settings_.split, dt);
     for (int i = 0; i < nq_; ++i) out.v[i] = v_[i];
     for (int i = 0; i < nd_; ++i) {
@@ -66,8 +49,9 @@ void EnergyRows::note(MidpointStep& step, double dt, const double* p, double* ro
     row[2] = row[3] = 0;
     row[4] = now_.size;
     if (!before_.v.empty()) {
-        row[2] = 0.5 * (before_.grown + now_.grown);
-        row[3] = std::abs(row[2]);
+        const double grown = 0.5 * (before_.grown + now_.grown);
+        row[2] = grown + now_.pushed;
+        row[3] = std::abs(grown) + std::abs(now_.pushed);
         for (std::size_t i = 0; i < now_.v.size(); ++i) {
             const double part = 0.5 * (before_.at_end[i] + now_.at_start[i]) * (before_.v[i] + now_.v[i]);
             row[2] += part;

@@ -16,7 +16,8 @@ constexpr double same_point = 1e-12;  // relative move: below this the Newton ma
 
 bool LaneStep::suits(const MidpointStep& step) {
     const Mechanism& m = step.mechanism();
-    return step.is_dense() && m.balls.empty() && m.instant_forces.empty() && m.instant_joint_forces.empty();
+    const bool moved = m.time_slot >= 0 && !m.constraints.empty();  // constraints perhaps, by the time
+    return step.is_dense() && m.balls.empty() && m.instant_forces.empty() && m.instant_joint_forces.empty() && !moved;
 }
 
 LaneStep::LaneStep(const MidpointStep& like)

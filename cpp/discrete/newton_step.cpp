@@ -42,6 +42,7 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
     if (!mechanism_->balls.empty())
         for (auto* a : {&raw_start_, &raw_end_}) sized(*a, nq);
     bends_.resize(mechanism_->balls.size());
+    if (mechanism_->time_slot >= 0) by_time_ = std::make_unique<TimeSlopes>(*mechanism_);
     for (auto* a : {&p1, &p2, &f_, &q2_kept_, &root_inertia_, &diagonal_, &inertia_}) sized(*a, nd);
     sized(u, mechanism_->n_inputs);
     for (auto* a : {&lam, &h_, &h_scale_, &lam_kept_}) sized(*a, nc_);
@@ -97,6 +98,7 @@ void MidpointStep::make_gradients() {
 }
 
 void MidpointStep::place_start() {
+    at1_.time = t;
     place(mechanism_->constraint_joints, q1.data(), at1_);
     if (loops_) {
         loops_->evaluate(at1_, start_);
@@ -175,6 +177,7 @@ void MidpointStep::evaluate_middle(double dt) {
 
 void MidpointStep::evaluate(double dt) {
     evaluate_middle(dt);
+    at2_.time = t + dt;
     place(mechanism_->free_constraint_joints, end(), at2_);
     if (loops_) {
         loops_->evaluate(at2_, end_);

@@ -24,6 +24,7 @@
 #include "discrete/turning.hpp"
 #include "dynamics/lagrangian.hpp"
 #include "dynamics/newton_matrix.hpp"
+#include "mechanism/time_slopes.hpp"
 
 namespace leastaction {
 
@@ -63,6 +64,7 @@ struct StepEnergy {
     double kinetic = 0, potential = 0;
     double size = 0;                          // of the terms that the energy is the sum of
     double grown = 0;                         // what potentials that change with the time add over the step
+    double pushed = 0;                        // and what constraints that do add at its start
     std::vector<double> v, at_start, at_end;  // velocity over the step; impulses
 };
 
@@ -74,7 +76,7 @@ public:
 
     // Problem and unknowns. Before solve(): q1, p1, u, the kinematic part of q2, and guesses of the rest of q2 and lam.
     std::vector<double> q1, p1, u, q2, lam, p2;
-    double t = 0;      // at its start (s), for elements that change with the time: at the middle of the step
+    double t = 0;  // at its start (s), for elements that change with the time: at the middle, constraints at the ends
     double share = 0;  // for how long forces at the instants act at the start (s)
 
     // Begins anew, from q1: nothing is carried over from steps before. Without it the last step's Dh(q2) and Newton matrix
@@ -204,6 +206,7 @@ private:
     TurnedMiddle turned_middle_;
     std::vector<Turning::Matrix6> bends_;               // by ball and the ends of its step: what no pair of joints has
     std::vector<double> placed_, raw_start_, raw_end_;  // and the rows D1Ld + fd- and D2Ld + fd+ before they are turned
+    std::unique_ptr<TimeSlopes> by_time_;               // null where nothing changes with the time
     double potential_size_ = 0;                         // of the largest slope of a potential
     double stored_ = 0, stored_size_ = 0;               // energy in potentials, and the sum of their sizes
     std::vector<double> inertia_;                       // that rotors give each dynamic variable alone

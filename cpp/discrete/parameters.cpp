@@ -9,6 +9,7 @@ NumberDuals::NumberDuals(const Mechanism& m) : start(m), end(m), middle(m), m_(m
 void NumberDuals::place_at(const MidpointStep& step, double dt) {
     start.time = step.t;
     middle.time = step.t + 0.5 * dt;
+    end.time = step.t + dt;
     const ForcePoint<double> at = step.middle();
     Q1.assign(step.q1.begin(), step.q1.end());
     Q2.assign(step.end(), step.end() + m_.n_coordinates());
@@ -25,7 +26,7 @@ void NumberDuals::look(const double* numbers, const double* direction) {
     for (auto* at : {&start, &end, &middle}) {
         at->numbers = numbers;
         at->number_slopes = direction;
-        at->time_slope = 0;
+        at->time.d = 0;
     }
 }
 
@@ -72,8 +73,9 @@ void ParameterSlopes::add_time_step(MidpointStep& step, double dt) {
 void ParameterSlopes::add_numbers(const Parameter& parameter, const MidpointStep& step, int column) {
     const double* direction = parameter.numbers.empty() ? still_.data() : parameter.numbers.data();
     duals.look(m_.numbers.data(), direction);
-    duals.start.time_slope = parameter.time;
-    duals.middle.time_slope = parameter.middle_time();
+    duals.start.time.d = parameter.time;
+    duals.middle.time.d = parameter.middle_time();
+    duals.end.time.d = parameter.end_time();
     for (const auto& [i, slot] : m_.damping) f_[i] -= direction[slot] * step.middle().v[i];
     for (const Rotor& rotor : m_.rotors)
         rotor.each_momentum(duals.middle, duals.V.data(),

@@ -25,8 +25,9 @@ struct Parameter {
     bool time_step = false;
     double time = 0;  // how the time at its start grows with it
 
-    // Of what stands at the middle of the step.
+    // Of what stands at the middle of the step, and at its end.
     double middle_time() const { return time + (time_step ? 0.5 : 0.0); }
+    double end_time() const { return time + (time_step ? 1.0 : 0.0); }
 };
 
 // The elements of a step on duals in the space of the mechanism's numbers: at the start for its constraints and forces at

@@ -126,6 +126,7 @@ bool MidpointStep::correct_limit(double tau) {
         if (loops_) continue;  // prescribed variables move none of their points
         for (int i = 0; i < nq_; ++i) correction_[nd_ + c] -= C1_[c * nq_ + i] * (q2[i] - q1[i]);
     }
+    if (by_time_) by_time_->constraints(t, q1.data(), [&](int c, double rate) { correction_[nd_ + c] -= tau * rate; });
     newton_.solve(correction_.data(), correction_.data() + nd_);
     turn_correction();
     for (int i = 0; i < nd_; ++i) path_v_[i] = (q2[i] - q1[i] + correction_[i]) / tau;

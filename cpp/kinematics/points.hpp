@@ -72,6 +72,7 @@ struct Constants {
     int time_slot = -1;             // of the number that is the time, where an element asks for it
 
     double number(int slot) const { return numbers[slot]; }
+    double own_time() const { return time_slot < 0 ? 0.0 : numbers[time_slot]; }  // where no other is told (s)
 };
 
 // Numbers of the elements, by slot; others may stand for those of the mechanism, and the time for the one in its slot.
@@ -80,17 +81,17 @@ struct Numbers {
     const double* numbers;
     const double* number_slopes = nullptr;  // duals only: the direction in their space
     int time_slot = -1;
-    double time = 0, time_slope = 0;  // the time (s), and its part of the direction
+    T time{};  // s; on duals with its part of the direction
 
     T number(int slot) const {
-        const bool timed = slot == time_slot;
-        const double value = timed ? time : numbers[slot];
+        if (slot == time_slot) return time;
         if constexpr (is_dual<T>)
-            return {value, timed ? time_slope : number_slopes ? number_slopes[slot] : 0.0};
+            return {numbers[slot], number_slopes ? number_slopes[slot] : 0.0};
         else
-            return value;
+            return numbers[slot];
     }
-    Numbers<double> plain() const { return {numbers, nullptr, time_slot, time}; }
+    // Of lanes, which share the time.
+    Numbers<double> plain() const { return {numbers, nullptr, time_slot, time[0]}; }
 };
 
 template <class T>
@@ -101,7 +102,7 @@ public:
     std::vector<double> angle, sine, cosine;  // work space of place()
 
     explicit Placement(const Constants& constants)
-        : Numbers<T>{constants.numbers.data(), nullptr, constants.time_slot},
+        : Numbers<T>{constants.numbers.data(), nullptr, constants.time_slot, constants.own_time()},
           pose(constants.joints.size()),
           twist(pose.size()),
           angle(pose.size() + 8),

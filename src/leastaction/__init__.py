@@ -18,7 +18,7 @@ from leastaction._names import lazily
 from leastaction._version import __version__
 
 if TYPE_CHECKING:
-    from leastaction.control import MPC, KalmanFilter, simulate_many
+    from leastaction.control import MPC, KalmanFilter, play, simulate_many
     from leastaction.errors import LeastActionError
     from leastaction.io import open as open  # noqa: A004 - as `gzip.open` is
     from leastaction.io import read_motion
@@ -84,7 +84,6 @@ if TYPE_CHECKING:
         Rig,
         check_derivatives,
         follow,
-        play,
         warm_start,
     )
     from leastaction.viz import show
@@ -92,7 +91,7 @@ else:
     __getattr__, __dir__ = lazily(
         __name__,
         {
-            "leastaction.control": "MPC KalmanFilter simulate_many",
+            "leastaction.control": "MPC KalmanFilter play simulate_many",
             "leastaction.errors": "LeastActionError",
             "leastaction.io": "open read_motion",
             "leastaction.io.mechanisms": "load",
@@ -107,9 +106,7 @@ else:
                 "Within controllability optimize optimize_continuous regulate"
             ),
             "leastaction.optimal.continuous": "ContinuousQuadraticCost regulate_continuous",
-            "leastaction.systems": (
-                "Ball Keep MechanismSystem MidpointSystem Rig check_derivatives follow play warm_start"
-            ),
+            "leastaction.systems": "Ball Keep MechanismSystem MidpointSystem Rig check_derivatives follow warm_start",
             "leastaction.viz": "show",
         },
         # Names that have moved: they are found here too, but not offered.

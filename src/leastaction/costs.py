@@ -12,6 +12,7 @@ from leastaction.optimal import (
     FunctionCost,
     GaussNewton,
     QuadraticCost,
+    RateCost,
     RateGradient,
     RateHessian,
 )
@@ -19,7 +20,8 @@ from leastaction.systems import OrientationCost, PlaceCost, SmoothCost, tracking
 
 __all__ = [  # noqa: RUF022 - by topics
     # In discrete time
-    "CostSum", "FunctionCost", "GaussNewton", "OrientationCost", "PlaceCost", "QuadraticCost", "SmoothCost", "tracking",
+    "CostSum", "FunctionCost", "GaussNewton", "OrientationCost", "PlaceCost", "QuadraticCost", "RateCost", "SmoothCost",
+    "tracking",
     # In continuous time
     "ContinuousQuadraticCost",
     # Of one's own

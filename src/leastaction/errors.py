@@ -59,11 +59,15 @@ class KeywordError(ArgumentError, TypeError):
     def __init__(self, keyword: str, known: Iterable[str]) -> None:
         super().__init__(keyword)
         self.keyword = keyword
-        self.known = set(known) - {"self"}
+        self.known = set(known)
 
     def __str__(self) -> str:
         near = closest(self.keyword, sorted(self.known), what="arguments")
         return f"{self.function or 'the call'}: has no argument {self.keyword!r}; {near}"
+
+
+class LackingArgumentError(ArgumentError, TypeError):
+    """A call without an argument that it needs."""
 
 
 class ProjectionError(ArgumentError):

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from leastaction.control import play
 from leastaction.mechanics import MidpointVI
-from leastaction.systems import MidpointSystem, Played, Rig, play
+from leastaction.systems import MidpointSystem, Played, Rig
 from leastaction_marionette.choices import Follow
 from leastaction_marionette.tracking.found import TrackingRun
 

@@ -10,7 +10,7 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics import JointForce, Mechanism, MidpointVI, tx, ty
 from leastaction.mechanics.continuous.events import Event
 from leastaction.mechanics.continuous.legendre import to_momentum, to_velocity
-from leastaction.mechanics.continuous.signals import PrescribedMotion
+from leastaction.mechanics.continuous.prescribed import PrescribedMotion
 from leastaction.mechanics.continuous.simulation import simulate
 from leastaction.mechanics.continuous.stabilisation import Baumgarte, Projection
 

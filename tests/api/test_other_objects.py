@@ -67,7 +67,7 @@ CALLS = [
     ("system: got MidpointVI, expected a MidpointSystem", lambda: la.relax(vi, cost, initial=pair)),
     ("cost: got Trajectory, expected a Cost", lambda: la.embed(system, run, initial=pair)),
     ("values: got [1.0] (list), expected a mapping of names to values", lambda: mechanism.configuration([1.0])),
-    ("(`Mechanism.configuration` takes names)", lambda: la.project_configuration(mechanism, {"x": 1.0})),
+    ("unknown name 'y'", lambda: la.project_configuration(mechanism, {"y": 1.0})),
     (
         "(list), expected a mapping of names to values, such as {'hand': 100.0}",
         lambda: la.follow(mechanism, {"x": t}, [la.Bound("x", max=1.0)], t=t),

@@ -12,7 +12,19 @@ import pytest
 import leastaction
 from leastaction.costs import QuadraticCost
 from leastaction.errors import ArgumentError, DescriptionError
-from leastaction.mechanics import ContinuousDynamics, Gravity, Mechanism, MidpointVI, Trajectory, ball, free, rx, ry, tz
+from leastaction.mechanics import (
+    Gravity,
+    Mechanism,
+    MidpointVI,
+    PrescribedMotion,
+    Trajectory,
+    ball,
+    free,
+    rx,
+    ry,
+    simulate,
+    tz,
+)
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import Status
 
@@ -118,8 +130,17 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: MidpointVI(bar()).simulate(start(), [0.0, 0.1], rho=[[0.0, 0.6, 0.8, 0.0, 0.0]] * 2),
         r"first row has 'hand\.qx'",
     ),
-    "continuous": (lambda: ContinuousDynamics(bar()), "hand.*angles"),
+    "continuous": (lambda: swung([[0.0, 1.1, 0.0, 0.0, 0.0]] * 2), r"rho.*hand\.qw.*1\.1"),
+    "across": (
+        lambda: swung(PrescribedMotion.through([-0.1, 0.1], [-curve(0.0), curve(0.0)])),
+        "'hand' has the length 0.*stay with one",
+    ),
+    "start": (lambda: swung([np.r_[0.0, 0.6, 0.8, 0.0, 0.0]] * 2), r"q0.*'hand\.qx' at 0.*has it at 0\.8"),
 }
+
+
+def swung(rho: Any) -> Any:
+    return simulate(bar(), np.r_[0.2, -0.1, curve(0.0)], None, [0.0, 0.1], rho=rho)
 
 
 def start() -> Any:

@@ -18,8 +18,8 @@ import pytest
 from api.walk import of_control, of_data, of_files, of_identification, of_mechanics, of_optimal
 from api.walk.scenes import arm
 from api.walk.values import WRONG, Call
-from leastaction.errors import ArgumentError, KeywordError, LeastActionError
-from leastaction.mechanics import check_consistent, equilibrium, project_configuration
+from leastaction.errors import ArgumentError, KeywordError, LackingArgumentError, LeastActionError
+from leastaction.mechanics import CoulombFriction, check_consistent, equilibrium, project_configuration
 from leastaction.numerics.public import called_publicly
 from leastaction.optimal import optimize
 
@@ -162,6 +162,21 @@ def test_silent_wrongs_are_refused() -> None:
             project_configuration(arm(), off, max_iterations=count)
     with pytest.raises(ArgumentError, match="move_kinematic"):
         project_configuration(arm(), off, move_kinematic="yes")
+
+
+def test_arguments_that_are_lacking_are_named() -> None:
+    for call, told in (
+        (lambda: CoulombFriction("a", 2.0), "CoulombFriction: lacks speed"),  # type: ignore[call-arg]
+        (lambda: optimize(), "optimize: lacks system, cost"),  # type: ignore[call-overload]
+        (lambda: arm().frame_pose([0.3, 0.8, 0.0]), r"Mechanism\.frame_pose: lacks name"),  # type: ignore[call-arg]
+    ):
+        with pytest.raises(LackingArgumentError, match=told):
+            call()
+        with pytest.raises(TypeError, match=told):
+            call()
+    with pytest.raises(KeywordError) as caught:
+        arm().frame_pose([0.3, 0.8, 0.0], "world", axes_of_it=1.0)  # type: ignore[call-arg]
+    assert "self" not in str(caught.value)
 
 
 def test_too_many_arguments_by_place_name_what_goes_by_name() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from derivatives.along_directions import check_along
+from derivatives.test_prescribed_rotations import CASES, carried
 from derivatives.test_quaternions import AT_JOINTS, FORCES, PIN, ROD, WRENCH, tumbling, turned
 from leastaction.mechanics import BodyWrench, ContinuousDynamics, Element, Gravity, Mechanism, ball, tx, tz
 from leastaction.mechanics.mechanism.turns import moved
@@ -108,9 +109,20 @@ def test_first_and_second_derivatives_are_those_of_jax() -> None:
 )
 def test_derivatives_are_those_of_differences(elements: tuple[Element, ...]) -> None:
     """Where constraints are off too, which a stabilisation pulls back."""
-    m = tumbling(*elements)
+    check_differences(tumbling(*elements))
+
+
+@pytest.mark.parametrize("elements", list(CASES.values()), ids=list(CASES))
+def test_derivatives_of_what_is_carried_are_those_of_differences(elements: tuple[Element, ...]) -> None:
+    """On a bar that is prescribed, whose turns, angular velocity and its derivative are arguments."""
+    check_differences(carried(*elements))
+
+
+def check_differences(m: Mechanism) -> None:
+    """Hold both orders of derivatives to differences of the accelerations, in any configuration."""
     rng = np.random.default_rng(3)
-    q, v, u, rho_a = turned(m, rng), 2.0 * rng.standard_normal(m.nv), rng.standard_normal(m.n_inputs), np.array([0.3])
+    q, v, u = turned(m, rng), 2.0 * rng.standard_normal(m.nv), rng.standard_normal(m.n_inputs)
+    rho_a = 0.3 * np.arange(1, m.nrho + 1)
     dynamics = ContinuousDynamics(m, constraint_damping=3.0, constraint_stiffness=5.0)
     ends = np.cumsum([0, m.nv, m.nv, m.n_inputs, m.nrho])
 

@@ -121,6 +121,19 @@ def test_many_runs_and_their_bands():
     assert [axis.get_ylabel() for axis in figure.axes] == ["theta", "x-force"]
 
 
+def test_noise_of_the_whole_state_goes_by_its_names():
+    run = close_loop(
+        MidpointVI(cart_pendulum(), threads=1),
+        lambda t, x: [0.0],
+        np.zeros(4),
+        0.02 * np.arange(51),
+        noise={"theta": 0.1},
+    )
+    off = run.y - run.x
+    assert off[:, 1].std() == pytest.approx(0.1, rel=0.3)
+    assert not off[:, [0, 2, 3]].any()
+
+
 def test_what_is_wrong_is_said():
     system = model()
     law = lambda t, x: np.zeros(1)  # noqa: E731
@@ -134,6 +147,6 @@ def test_what_is_wrong_is_said():
         close_loop(system, law, UP, T, measure=["tehta"])
     with pytest.raises(ArgumentError, match="estimator: got int"):
         close_loop(system, law, UP, T, estimator=3)
-    with pytest.raises(ArgumentError, match="disturbance: unknown entry 'q_"):
+    with pytest.raises(ArgumentError, match="disturbance: unknown name 'q_"):
         close_loop(system, law, UP, T, disturbance={"q_*": 1.0})
     assert "controller(0, x): got shape (2,)" in close_loop(system, lambda t, x: np.zeros(2), UP, T).failure

@@ -219,7 +219,7 @@ def test_what_is_wrong_is_said():
         ({"measure": ["x[9]"]}, "unknown entry of the state 'x\\[9\\]'"),
         ({"measure": np.eye(3)}, "measure: got shape"),
         ({"noise": 0.0}, "noise: got a covariance with the eigenvalue 0"),
-        ({"process": {"p_*": 1.0}}, "process: unknown entry 'p_\\*'"),
+        ({"process": {"p_*": 1.0}}, "process: unknown name 'p_\\*'"),
         ({"process": -1.0}, "none below zero"),
         ({"x": np.zeros(3)}, "x: got shape"),
         ({"kind": "particle"}, "kind"),

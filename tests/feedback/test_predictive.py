@@ -13,7 +13,8 @@ from leastaction.control import MPC
 from leastaction.errors import ArgumentError
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.models.marionette import marionette, rest_pose
-from leastaction.optimal import LinearSystem
+from leastaction.optimal import FunctionSystem, LinearSystem
+from leastaction.optimal.limits.limit import FromSecond
 
 N, DT = 40, 0.025
 
@@ -102,6 +103,43 @@ def test_references_move():
     assert np.abs(both[0][40:50] - wanted[41:51, 0]).max() < 0.02
     assert abs(both[0][-1] - 1.0) < 1e-3
     assert np.allclose(both[0], both[1], atol=1e-9)
+
+
+def test_what_changes_with_time_changes_with_the_time_of_the_call():
+    """A system that is another at each step, and a limit that moves: each call solves the window that it begins."""
+    A, B = np.array([[1.0, 0.1], [0.0, 1.0]]), np.array([[0.005], [0.1]])
+
+    def f(x, u, k):
+        return A @ x + B @ u + [0.0, 0.1 * np.sin(0.4 * k)]
+
+    system = FunctionSystem(f, nx=2, nu=1, N=60, derivatives=lambda x, u, k: (A, B))
+    cost = QuadraticCost(np.tile([1.0, 0.0], (16, 1)), np.zeros((15, 1)), Q=[20.0, 0.1], R=[0.01])
+    limit = Bound("x[0]", max=lambda t: 0.3 + 0.02 * t)
+    mpc, x = MPC(system, lambda t: cost, [limit], horizon=15, tolerance=1e-9), np.zeros(2)
+    active = []
+    for k in range(45):
+        u, window = mpc(x, float(k)), system.window(k, k + 15)
+        assert mpc.info.planned
+        settings = {"limits": [FromSecond(limit)], "initial": (x, np.zeros((15, 1))), "tolerance": 1e-11}
+        np.testing.assert_allclose(u, optimize(window, cost, **settings).u[0], atol=5e-4)
+        active.append(mpc.info.active != ())
+        x = f(x, u, k)
+    assert 5 < sum(active) < 40
+    mpc(x, 70.0)  # after its end the last window stays
+    assert mpc.info.planned
+
+
+def test_a_plan_that_is_known_is_gone_on_from():
+    system, cost = balanced()
+    limits, x = [Bound("x-force", -40.0, 40.0)], np.array([0.1, np.pi - 0.1, 0.0, 0.0])
+    plan = optimize(system, cost, initial=(x, np.zeros((N, 1))), limits=limits, tolerance=1e-9)
+    mpc = MPC(system, cost, limits, tolerance=1e-9)
+    mpc.begin(plan.x, plan.u, plan.K)
+    np.testing.assert_allclose(mpc(x, 0.0), plan.u[0], atol=1e-5)
+    assert mpc.info.planned
+    assert mpc.info.iterations == 1
+    with pytest.raises(ArgumentError, match=r"x: got shape \(2, 4\), expected"):
+        mpc.begin(plan.x[:2], plan.u, plan.K)
 
 
 def test_where_it_cannot_plan_the_last_plan_is_followed_and_it_says_so():

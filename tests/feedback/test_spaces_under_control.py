@@ -55,6 +55,6 @@ def test_predictive_control_on_a_circle_is_the_optimum():
     assert run.x[-1, 0] < -0.99
 
 
-def test_what_takes_plain_vectors_says_so():
-    with pytest.raises(ArgumentError, match="no plain vectors"):
+def test_a_moving_horizon_has_no_disturbance_of_rotations():
+    with pytest.raises(ArgumentError, match="process: got a disturbance of rotations"):
         MovingHorizonEstimator(Pendulum(5), measure=np.eye(3), noise=1.0, process=1.0, x=[1.0, 0.0, 0.0], horizon=5)

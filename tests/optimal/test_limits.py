@@ -1157,7 +1157,7 @@ def test_a_step_that_barriers_alone_shortened_does_not_shorten_the_next(rollouts
         run = Run(problem, settings, None)
         step = SearchStep(Trial(None, 1.0), 0.01, rollouts, None)
         problem.parts.here.value = 1.0
-        run.note_step(Direction("newton", -1.0, 1.0), step, decrease=0.1, agreement=0.2, cost=0.9)
+        run.note_step(Direction("newton", -1.0, 1.0), step, decrease=0.1, agreement=0.2, cost=0.9, share=0.2)
         assert run.schedule.length == (1.0 if problem is limited and rollouts == 1 else 0.01)
 
 

@@ -420,10 +420,10 @@ def test_unknowns_beside_rotations_are_derived_and_found():
     assert min(best(T - 0.02), best(T + 0.02)) > best(T)
 
 
-def test_what_returns_among_rotations_is_refused_by_name():
-    system = body(5)
-    cost, initial = to_attitude(5, [1, 2, 3], 1.0)
-    with pytest.raises(ArgumentError, match="got a Periodic for Body, whose states are no plain vectors"):
+def test_what_returns_in_another_space_is_refused_by_name():
+    system = Pendulum(5)
+    cost, initial = swing_up(system)
+    with pytest.raises(ArgumentError, match="Periodic: got entries of a Circle, expected some of vectors and rotations"):
         optimize(system, cost, initial=initial, limits=[Periodic("x*")], free_start=True)
 
 

@@ -23,7 +23,7 @@ FLYER = ("tx", "ty", "tz", "rx", "ry", "rz")
 def mechanism_of(model: Any, *, quaternions: bool = False) -> Mechanism:
     """Return the mechanism of a model, an input on every variable, both in the order of its velocities.
 
-    ``quaternions``: whether a free flyer's rotation is one; it has no inputs then.
+    ``quaternions``: whether a free flyer's rotation is one; it has no inputs then. That of a spherical joint is one.
     """
     placed: list[Branch] = [world()]
     variables: list[str] = []
@@ -39,6 +39,9 @@ def mechanism_of(model: Any, *, quaternions: bool = False) -> Mechanism:
             bodies.append(body)
         if joint.nv == 6 and quaternions:
             placed.append(base.free(name, axes="quaternion", bodies=bodies))
+            continue
+        if joint.nv == 3:
+            placed.append(base.ball(name, axes="quaternion", bodies=bodies))
             continue
         if joint.nv == 6:
             at = base

@@ -87,7 +87,7 @@ def test_an_even_number_of_constraints_that_turn_over_is_seen() -> None:
 
 def test_a_run_that_lost_energy_says_so_in_its_status(monkeypatch: pytest.MonkeyPatch) -> None:
     """As it does without what leads over a loss of rank."""
-    monkeypatch.setattr(Passages, "is_near", lambda self, x: False)
+    monkeypatch.setattr(Passages, "is_near", lambda self, t, x: False)
     m, q, n = lift(5)
     lossy = 0
     for speed, rtol in ((7.0, 1e-8), (-7.0, 1e-8)):

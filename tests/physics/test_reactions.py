@@ -14,6 +14,7 @@ from leastaction.mechanics import (
     Mechanism,
     MidpointVI,
     PointToPoint,
+    ball,
     equilibrium,
     project_configuration,
     rx,
@@ -43,6 +44,54 @@ def test_against_the_recursion_of_pinocchio(rng: np.random.Generator) -> None:
             turn, wrench = data.oMi[j].rotation, found[model.names[j]][k]
             local = np.concatenate([turn.T @ wrench[:3], turn.T @ wrench[3:]])
             assert local == pytest.approx(data.f[j].vector, rel=1e-9, abs=1e-9)
+
+
+def test_of_ball_and_free_joints_against_the_recursion_of_pinocchio(rng: np.random.Generator) -> None:
+    """A free body with an arm: a ball joint, a hinge and another ball joint."""
+    pin = pytest.importorskip("pinocchio")
+    from oracles.pinocchio_models import mechanism_of
+
+    model, parent = pin.Model(), 0
+    kinds = pin.JointModelFreeFlyer, pin.JointModelSpherical, pin.JointModelRY, pin.JointModelSpherical
+    for i, kind in enumerate(kinds):
+        parent = model.addJoint(parent, kind(), pin.SE3.Random(), f"joint {i}")
+        model.appendBodyToJoint(parent, pin.Inertia.Random(), pin.SE3.Random())
+    m, data = mechanism_of(model, quaternions=True), model.createData()
+    for _ in range(3):
+        their_q = pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq))
+        q, at = [], 0
+        for kind in kinds:
+            size = kind().nq
+            part, at = their_q[at : at + size], at + size
+            q += [*part[:-4], *np.roll(part[-4:], 1)] if size >= 4 else [*part]
+        v, a = rng.normal(size=(2, m.nv))
+        # Their velocity of a free body is in its own axes.
+        R = pin.Quaternion(their_q[3:7]).matrix()
+        their_v, their_a = v.copy(), a.copy()
+        their_v[:3], their_a[:3] = R.T @ v[:3], R.T @ a[:3] - np.cross(v[3:6], R.T @ v[:3])
+        pin.rnea(model, data, their_q, their_v, their_a)
+        pin.forwardKinematics(model, data, their_q)
+        found = reactions(m, np.array([q]), v[None], a[None], np.zeros((1, m.n_inputs)), np.zeros((1, 0)))
+        assert len(found) == 7  # three slides, and one for each rotation
+        for j in range(1, model.njoints):
+            turn, wrench = data.oMi[j].rotation, found[model.names[j]][0]
+            local = np.concatenate([turn.T @ wrench[:3], turn.T @ wrench[3:]])
+            assert local == pytest.approx(data.f[j].vector, rel=1e-9, abs=1e-9)
+
+
+def test_of_a_ball_joint_is_that_of_its_three_angles() -> None:
+    """In a run, to second order; and the bearing of a top at rest carries its weight."""
+    body = {"mass": 0.7, "com": (0.05, 0.0, -0.3), "inertia": (0.02, 0.03, 0.01)}
+    runs = []
+    for axes in ("quaternion", "xyz"):
+        m = Mechanism(
+            [tx("s", mass=0.3), [ball("b", axes=axes, name="body", **body)]], [Gravity(), JointSpring("s", 9.0)]
+        )
+        vi = MidpointVI(m)
+        start = vi.start(m.configuration({"s": 0.1}), [0.2, 1.0, -0.5, 2.0])
+        runs.append(vi.simulate(start, np.linspace(0.0, 1.0, 2001)).reactions())
+    assert np.abs(runs[0]["body"] - runs[1]["body"]).max() < 1e-4
+    assert np.ptp(runs[0]["body"], axis=0)[:3].min() > 0.1
 
 
 def four_bar() -> Mechanism:

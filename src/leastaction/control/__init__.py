@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from leastaction.control.many import ManyRuns, linearize_many, simulate_many
     from leastaction.control.moving_horizon import MovingHorizonEstimator
     from leastaction.control.predictive import MPC, PredictiveInfo
+    from leastaction.control.rigs.play import play
     from leastaction.control.sweeps import Failed, optimize_many, sweep
 else:
     __getattr__, __dir__ = lazily(
@@ -26,6 +27,7 @@ else:
             "leastaction.control.bands": "LoopBands monte_carlo",
             "leastaction.control.moving_horizon": "MovingHorizonEstimator",
             "leastaction.control.predictive": "MPC PredictiveInfo",
+            "leastaction.control.rigs.play": "play",
             "leastaction.control.sweeps": "Failed optimize_many sweep",
         },
     )
@@ -33,5 +35,5 @@ else:
 __all__ = [
     "MPC", "ClosedLoop", "Estimate", "Failed", "KalmanFilter", "LoopBands", "ManyRuns",
     "MovingHorizonEstimator", "PredictiveInfo", "SteadyGain", "close_loop", "linearize_many", "lqe", "lqr",
-    "monte_carlo", "optimize_many", "simulate_many", "sweep",
+    "monte_carlo", "optimize_many", "play", "simulate_many", "sweep",
 ]  # fmt: skip

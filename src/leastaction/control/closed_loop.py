@@ -147,7 +147,7 @@ def close_loop(
     ask = _asked(controller)
     if estimator is not None:
         check_estimator(estimator)
-    readings = Readings(stood.system, np.eye(stood.system.nx) if measure is None else measure)
+    readings = Readings(stood.system, stood.system.state_names if measure is None else measure)
     drawn = as_count(seed, "seed", 0)
     rng, pushed = (np.random.default_rng([drawn, which]) for which in (1, 2))
     V = covariance(noise, readings.names, "noise", definite=False)

@@ -12,6 +12,7 @@ is projected into it, and a corrected state is brought back onto the constraints
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -99,9 +100,9 @@ class KalmanFilter:
         state, a function ``h(x)``, or a matrix (ny, nx).
     noise : float, array_like or mapping
         Of readings: standard deviations, one for all, (ny,), or by name; or a covariance (ny, ny).
-    process : float, array_like or mapping
+    process : float, array_like, mapping or callable
         Of what a step adds to the state by chance, likewise, (nx,) or ``{"p_*": 0.01}``, or (nx, nx);
-        of states that are no plain vectors ndx for nx.
+        of states that are no plain vectors ndx for nx. Or a function of the state that returns a covariance (ndx, ndx).
     x : array_like (nx,)
         Where it is believed to begin.
     spread : float, array_like or mapping
@@ -143,7 +144,7 @@ class KalmanFilter:
         *,
         measure: Measured,
         noise: Spread,
-        process: Spread,
+        process: Spread | Callable[[Array], Array],
         x: ArrayLike,
         spread: Spread = 1.0,
         kind: FilterKind = "extended",
@@ -153,7 +154,8 @@ class KalmanFilter:
         self.system, self.kind = system, kind
         self.readings = Readings(system, measure)
         self.V = covariance(noise, self.readings.names, "noise", definite=True)
-        self.W = covariance_of_states(process, system, "process")
+        self._process = process if callable(process) else None
+        self.W = np.zeros((system.ndx,) * 2) if callable(process) else covariance_of_states(process, system, "process")
         self.x = as_array(x, "x", (system.nx,), names=system.state_names).copy()
         self.P = self._tangent(covariance_of_states(spread, system, "spread"))
         self.k = 0
@@ -174,6 +176,8 @@ class KalmanFilter:
         """
         u = of_an_instant(u, "u", self.system.input_names)
         k = step_of(self.system, self.k)
+        if self._process is not None:
+            self.W = as_array(self._process(read_only(self.x)), "process(x)", self.P.shape, meaning="(ndx, ndx)")
         if self.kind == "extended":
             self.A = np.asarray(self.system.derivatives(self.x, u, k)[0])
             self.x = np.asarray(self.system.f(self.x, u, k)).copy()

@@ -92,8 +92,15 @@ class MovingHorizonEstimator:
         self.horizon, self.limits = as_count(horizon, "horizon", 1), checked_limits(limits)
         if self.horizon > system.N:
             raise ArgumentError(f"horizon: got {horizon}, expected at most the {system.N} steps of the system")
-        if system.charts() is not None:
-            raise ArgumentError("system: its states are no plain vectors, expected some that are; or a KalmanFilter")
+        space = system.charts()
+        if space is not None:
+            # Of what rotates, only momenta and rates are disturbed: what is added to these is added to numbers.
+            plain = (space.pattern.sum(axis=0) == 1) & space.pattern[space.pattern.sum(axis=1) == 1].any(axis=0)
+            if self.before.W.diagonal()[~plain].any():
+                raise ArgumentError(
+                    "process: got a disturbance of rotations, expected one of plain entries of the state, such as "
+                    "{'p_*': 0.01}; or use a KalmanFilter"
+                )
         values, vectors = np.linalg.eigh(self.before.W)
         some = values > 0.0
         if not some.any():
@@ -149,8 +156,7 @@ class MovingHorizonEstimator:
             self._x[-1] = self.x
             return self.x
         disturbed = _DisturbedSystem(self.system.window(0, n), np.array(self._u), self._G)
-        inverse_P: Array = np.asarray(np.linalg.pinv(self.before.P, rcond=1e-12, hermitian=True), dtype=np.float64)
-        cost = _ReadingCost(self.readings, list(self._y), self._inverse_V, self.before.x, inverse_P)
+        cost = _ReadingCost(self.readings, list(self._y), self._inverse_V, self.before.x, self._known(), self.system)
         self.result = optimize(
             disturbed, cost, initial=(np.array(self._x), np.array(self._w)), limits=self.limits, free_start=True,
             options=_OPTIONS,
@@ -158,6 +164,13 @@ class MovingHorizonEstimator:
         self._x, self._w = list(self.result.x), list(self.result.u)
         self.x = np.array(self.result.x[-1])
         return self.x
+
+    def _known(self) -> Array:
+        """Return the inverse of the covariance of what the horizon begins with, in the directions in which it moves."""
+        P, Z = self.before.P, self.system.start_directions(self.before.x, None)
+        basis = np.linalg.qr(Z)[0] if Z.shape[1] < len(Z) else np.eye(len(P))
+        inverse = np.linalg.pinv(basis.T @ P @ basis, rcond=1e-12, hermitian=True)
+        return np.asarray(basis @ inverse @ basis.T, dtype=np.float64)
 
     def _first(self, y: Array) -> Array:
         """Return the estimate by a single reading, which is the Kalman filter's."""
@@ -174,9 +187,10 @@ class _DisturbedSystem(DiscreteSystem):
     def __init__(self, system: DiscreteSystem, u: Array, G: Array) -> None:
         self.system, self.given, self.G = system, read_only(u), G
         self.nx, self.nu, self.N = system.nx, G.shape[1], system.N
+        self.space = system.charts()
 
     def f(self, x: Array, u: Array, k: int) -> Array:
-        return np.asarray(self.system.f(x, self.given[k], k) + self.G @ u)
+        return np.asarray(self.system.plus(self.system.f(x, self.given[k], k), self.G @ u))
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:  # noqa: ARG002
         return self.system.derivatives(x, self.given[k], k)[0], self.G
@@ -187,9 +201,6 @@ class _DisturbedSystem(DiscreteSystem):
             return super().linearize(x, u, out)
         A, _ = self.system.linearize(x, self.given)
         return Linearization(A, np.ascontiguousarray(np.broadcast_to(self.G, (self.N, *self.G.shape))))
-
-    def difference(self, x: Array, xbar: Array) -> Array:
-        return self.system.difference(x, xbar)
 
     def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
         return self.system.start_directions(x, free)
@@ -219,9 +230,15 @@ class _ReadingCost(Cost):
     nonnegative = True
 
     def __init__(
-        self, readings: Readings, y: Sequence[Array | None], inverse_V: Array, x: Array, inverse_P: Array
+        self,
+        readings: Readings,
+        y: Sequence[Array | None],
+        inverse_V: Array,
+        x: Array,
+        inverse_P: Array,
+        system: DiscreteSystem,
     ) -> None:
-        self.readings, self.y, self.inverse_V = readings, y, inverse_V
+        self.readings, self.y, self.inverse_V, self.system = readings, y, inverse_V, system
         self.first, self.inverse_P = x, inverse_P
 
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
@@ -253,13 +270,13 @@ class _ReadingCost(Cost):
         e = self._off(x, k)
         total = float(e @ self.inverse_V @ e)
         if k == 0:
-            away = x - self.first
+            away = self.system.difference(x, self.first)
             total += float(away @ self.inverse_P @ away)
         return 0.5 * total
 
     def _slope(self, x: Array, k: int) -> Array:
         out = self.readings.jacobian(x, k).T @ (self.inverse_V @ self._off(x, k))
-        return out + self.inverse_P @ (x - self.first) if k == 0 else out
+        return out + self.inverse_P @ self.system.difference(x, self.first) if k == 0 else out
 
     def _bend(self, x: Array, k: int) -> Array:
         C = self.readings.jacobian(x, k) * float(self.y[k] is not None)

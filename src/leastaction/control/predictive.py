@@ -29,6 +29,8 @@ from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.limits.sides import Sided
 from leastaction.optimal.optimizer import Optimizer
 from leastaction.optimal.quantity import Entries
+from leastaction.optimal.remembered.extension import needed_by, own_limits
+from leastaction.optimal.remembered.system import RememberingSystem
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.system import Linearization
 
@@ -84,13 +86,16 @@ class MPC:
     Parameters
     ----------
     system : DiscreteSystem
-        Such as a `MidpointSystem`, whose first step is the controller's period.
+        Such as a `MidpointSystem`, whose first step is the controller's period. Of more than `horizon` steps, the
+        window of it that begins at the time of the call, until its end is reached: of what changes with time.
     cost : Cost or callable
         Of `horizon` steps; of more, such as those of a whole plan, the window of it that begins at the time of the
         call, whose end is held; or a function of the time (s) that returns a cost of `horizon` steps.
     limits : sequence of Limit
         What every plan keeps to, over its horizon. An input is never beyond its bounds. Beyond others an excess has a
-        price, which rises where it is not enough: where the state is there already, the plan leads back.
+        price, which rises where it is not enough: where the state is there already, the plan leads back. Rates of
+        inputs, here and in a `RateCost`, begin with what was given an instant ago; before the first call with what the
+        cost wants.
     horizon : int, optional
         Steps to plan ahead; all of the system's if left out.
     iterations : int, optional
@@ -144,8 +149,8 @@ class MPC:
         N = system.N if horizon is None else as_count(horizon, "horizon", 1)
         if N > system.N:
             raise ArgumentError(f"horizon: got {N}, expected at most the {system.N} steps of the system")
-        self.system = system if system.N == N else system.window(0, N)
         self.horizon, self.whole = N, system
+        self.system = system if system.N == N else system.window(0, N)
         if not callable(cost):
             require_instance(cost, "cost", Cost, "such as a QuadraticCost, or a function of the time that returns one")
         self.cost = cost.over(system.N) if isinstance(cost, Cost) else cost
@@ -153,19 +158,24 @@ class MPC:
         self.iterations = as_count(iterations, "iterations", 1)
         self.budget = None if budget is None else as_number(budget, "budget (s)", above=0.0)
         self.tolerance = as_number(tolerance, "tolerance", above=0.0)
-        times = system.times
-        self.t0, self.dt = float(times[0]), float(times[1] - times[0])
-        self._rows = [row for limit in self.limits for row in limit.rows(self.system, 1)]
-        self._labels = [row.labels for row in self._rows]
-        self._bounds = _bounds_of_inputs(self._rows, N, system.nu)
-        self._cost_at(self.t0).check_shapes(N, system.nx, system.nu)
-        self._charted = charted(self._rows, self.system.charts())
+        self._times = system.times
+        self.t0, self.dt = float(self._times[0]), float(self._times[1] - self._times[0])
+        first = self._stated(self.t0)
+        first.check_shapes(N, system.nx, system.nu)
+        # What was given an instant ago, where something asks for it: then it is a part of the model's state.
+        self._given = np.array(np.broadcast_to(getattr(first, "u_wanted", 0.0), (N, system.nu))[0])
+        self._needs = needs = needed_by(self.limits, first, self.system, 1)
+        self._from = 0  # the step of the whole system with which the model begins
+        self.model = self._modelled(self.system)
+        self._limits = own_limits(self.limits) if needs else self.limits
+        self._state_limits()
+        self._move = any(callable(getattr(limit, side, None)) for limit in self.limits for side in ("min", "max"))
         self._program: InteriorProgram | None = None
         self._limited: LimitedCost | None = None
         self._memory: Linearization | None = None
-        self._t = 0.0  # when the plan begins
-        self.x, self.u = np.zeros((N + 1, system.nx)), np.zeros((N, system.nu))
-        self.K = np.zeros((N, system.nu, system.ndx))
+        self._begun = 0.0  # when the plan begins, in steps
+        self._x, self.u = np.zeros((N + 1, self.model.nx)), np.zeros((N, system.nu))
+        self._K = np.zeros((N, system.nu, self.model.ndx))
         self.info = PredictiveInfo(self.t0, 0.0, 0, 0, 0.0, (), np.nan, planned=False, message="not called yet")
 
     # ---- The call ---------------------------------------------------------------------------------
@@ -185,9 +195,9 @@ class MPC:
             x, t = t, x
         at, state = as_number(t, "t"), self._state(x)
         if self._program is None:
-            return self._first(state, at, begun)
-        steps = max(0, int(np.floor((at - self._t) / self.dt + _AT_ONCE)))
-        self._move_on(steps)
+            return self._first(x, at, begun)
+        self._move_on(max(0, int(np.floor(self._place(at) - self._begun + _AT_ONCE))))
+        self._turn_to(at)
         cost = self._cost_at(at)
         message, done, interior, violation, value = "", 0, 0, self.info.violation, np.nan
         while done < self.iterations:
@@ -200,13 +210,13 @@ class MPC:
                 break
             violation, value, more = found
             done, interior = done + 1, interior + more
-        u = self.u[0] if done else self.u[0] - self.K[0] @ self.system.difference(state, self.x[0])
-        u = np.clip(u, *self._bounds)
+        u = self.u[0] if done else self.u[0] - self._K[0] @ self.model.difference(state, self._x[0])
+        u = self._give(u)
         self.info = PredictiveInfo(
             at, perf_counter() - begun, done, interior, violation, self._active() if done else (), value,
             planned=done > 0, message="" if done else message,
         )  # fmt: skip
-        return np.asarray(u)
+        return u
 
     def prepare(self, x: ArrayLike, t: float | None = None, *, u: ArrayLike | None = None) -> OptimizationResult:
         """Plan from a state to the end, by an `Optimizer`: what the first call does, and takes longest.
@@ -224,24 +234,114 @@ class MPC:
         ArgumentError
             Wrong shapes, or no motion from there.
         """
-        at, state, N = self.t0 if t is None else as_number(t, "t"), self._state(x), self.horizon
-        cost = self._cost_at(at)
-        guess: Any = getattr(cost, "u_wanted", np.zeros((N, self.system.nu))) if u is None else u
+        at, N = self.t0 if t is None else as_number(t, "t"), self.horizon
+        self._turn_to(at)
+        state = self._state(x)
+        cost, stated = self._cost_at(at), self._stated(at)
+        guess: Any = getattr(stated, "u_wanted", np.zeros((N, self.system.nu))) if u is None else u
         guess = np.clip(as_array(guess, "u", (N, self.system.nu), meaning="(horizon, nu)"), *self._bounds)
         optimizer = Optimizer(
-            self.system, cost, [FromSecond(limit) for limit in self.limits], tolerance=1e-6, max_iterations=200
+            self.model, cost, [FromSecond(limit) for limit in self._limits], tolerance=1e-6, max_iterations=200
         )
         result = optimizer.run((state, guess))
-        self._take(result, at, cost)
+        self._take(result.x, result.u, result.K, at, cost, result.cost)
         return result
 
     def reset(self) -> None:
         """Forget the plan: the next call is a first one."""
         self._program = None
 
+    def begin(self, x: ArrayLike, u: ArrayLike, K: ArrayLike, t: float | None = None) -> None:
+        """Take a plan that is known, such as one of `optimize` with its gains: the next call goes on from it.
+
+        Parameters
+        ----------
+        x, u, K : array_like (horizon+1, nx), (horizon, nu), (horizon, nu, ndx)
+            It need not be a motion of the system: the next call rolls it out from where that is, under its gains.
+        t : float, optional
+            When it begins (s); at the first time of the system if left out.
+
+        Raises
+        ------
+        ArgumentError
+            Wrong shapes, or numbers that are not finite.
+        """
+        at, N, own = self.t0 if t is None else as_number(t, "t"), self.horizon, self.system
+        states = as_array(x, "x", (N + 1, own.nx), meaning="(horizon+1, nx)")
+        inputs = as_array(u, "u", (N, own.nu), meaning="(horizon, nu)")
+        gains = as_array(K, "K", (N, own.nu, own.ndx), meaning="(horizon, nu, ndx)")
+        self._turn_to(at)
+        if isinstance(self.model, RememberingSystem):
+            states = self.model.extended(states, inputs, before=self._given)
+            gains = np.concatenate([gains, np.zeros((N, own.nu, self.model.ndx - own.ndx))], axis=2)
+        cost = self._cost_at(at)
+        self._take(states, inputs, gains, at, cost, cost.value(read_only(states), read_only(inputs)))
+
+    # ---- The time --------------------------------------------------------------------------------
+
+    def _place(self, at: float) -> float:
+        """Return where a time is, in steps of the whole system, whose last one goes on after its end."""
+        times, N = self._times, len(self._times) - 1
+        if at >= times[-1]:
+            return float(N + (at - times[-1]) / (times[-1] - times[-2]))
+        if at <= times[0]:
+            return float((at - times[0]) / self.dt)
+        return float(np.interp(at, times, np.arange(N + 1.0)))
+
+    def _step_at(self, at: float) -> int:
+        """Return the step of the whole system that begins next to a time."""
+        return max(0, int(np.floor(self._place(at) + 0.5)))
+
+    def _turn_to(self, at: float) -> None:
+        """Have the model be the window of the whole system that begins at a time."""
+        k = min(self._step_at(at), self.whole.N - self.horizon)
+        if k != self._from:
+            self._from = k
+            self.system = self.whole.window(k, k + self.horizon)
+            self.model = self._modelled(self.system)
+            if self._move:
+                self._state_limits()
+                self._limited = None if self._limited is None else self._barred(self._limited.cost)
+
+    def _state_limits(self) -> None:
+        """State the limits over the horizon that the model has now."""
+        self._rows = [row for limit in self._limits for row in limit.rows(self.model, 1)]
+        self._labels = [row.labels for row in self._rows]
+        self._bounds = _bounds_of_inputs(self._rows, self.horizon, self.system.nu)
+        self._charted = charted(self._rows, self.model.charts())
+
+    def _barred(self, cost: Cost) -> LimitedCost:
+        return LimitedCost(cost, self._charted, self.model.ndx, self.model.nu)
+
+    def _modelled(self, system: DiscreteSystem) -> DiscreteSystem:
+        """Return a system with what it has to remember."""
+        return RememberingSystem(system, self._needs, before=self._given) if self._needs else system
+
     # ---- Parts ------------------------------------------------------------------------------------
 
+    @property
+    def x(self) -> Array:
+        """The states (horizon+1, nx) of its plan."""
+        return self._x[:, : self.system.nx]
+
+    @property
+    def K(self) -> Array:
+        """The gains (horizon, nu, ndx) along its plan."""
+        return self._K[:, :, : self.system.ndx]
+
     def _state(self, x: ArrayLike) -> Array:
+        """Return a state of the model, with what was given an instant ago where it remembers that."""
+        own = self._own_state(x)
+        if not isinstance(self.model, RememberingSystem):
+            return own
+        return self.model.extended(own, self.u, before=self._given)
+
+    def _give(self, u: Array) -> Array:
+        """Return an input within its bounds, and remember it."""
+        self._given = np.clip(u, *self._bounds)
+        return self._given.copy()
+
+    def _own_state(self, x: ArrayLike) -> Array:
         """Return a state, with multipliers of zero where these are part of the system's and were not given."""
         names = self.system.state_names
         if np.shape(x) != (self.system.nx,) and getattr(self.whole, "multipliers", False):
@@ -250,27 +350,32 @@ class MPC:
                 return np.concatenate([as_array(x, "x", (bare,), names=names), np.zeros(self.system.nx - bare)])
         return as_array(x, "x", (self.system.nx,), names=names)
 
-    def _first(self, state: Array, at: float, begun: float) -> Array:
-        result = self.prepare(state, at)
+    def _first(self, x: ArrayLike, at: float, begun: float) -> Array:
+        result = self.prepare(x, at)
         self.info = PredictiveInfo(
-            at, perf_counter() - begun, result.iterations, 0, self._violation(self.x, self.u), self._active(),
+            at, perf_counter() - begun, result.iterations, 0, self._violation(self._x, self.u), self._active(),
             result.cost, planned=True, message="" if result.success else result.message,
         )  # fmt: skip
-        return np.asarray(np.clip(self.u[0], *self._bounds))
+        return self._give(self.u[0])
 
-    def _take(self, result: OptimizationResult, at: float, cost: Cost) -> None:
-        """Go on from a result."""
-        self.x, self.u, self.K = np.array(result.x), np.array(result.u), np.array(result.K)
-        self._t = at
-        N, ndx, nu = self.horizon, self.system.ndx, self.system.nu
-        self._limited = limited = LimitedCost(cost, self._charted, ndx, nu)
+    def _take(self, x: Array, u: Array, K: Array, at: float, cost: Cost, price: float) -> None:
+        """Go on from a plan and what it costs."""
+        self._x, self.u, self._K = np.array(x), np.array(u), np.array(K)
+        self._begun = self._place(at)
+        N, ndx, nu = self.horizon, self.model.ndx, self.model.nu
+        self._limited = limited = self._barred(cost)
         scales = limited.layout.columns.filled([rows.scale for rows in self._rows]).flat
-        seen = limited.layout.largest(np.abs(limited.asked(self.x, self.u).flat))
+        seen = limited.layout.largest(np.abs(limited.asked(self._x, self.u).flat))
         scales = limited.layout.spread(np.where(scales > 0.0, scales, np.maximum(seen, 1e-3)))
-        magnitude = max(abs(result.cost), _LEAST)
+        magnitude = max(abs(price), _LEAST)
         self._program = InteriorProgram(limited, (N, ndx, nu), _PRICE * magnitude, scales, magnitude)
 
     def _cost_at(self, at: float) -> Cost:
+        """Return the cost of the model's states over a horizon that begins at a time."""
+        stated, model = self._stated(at), self.model
+        return model.cost_of(stated) if isinstance(model, RememberingSystem) else stated
+
+    def _stated(self, at: float) -> Cost:
         """Return the cost of a horizon that begins at a time."""
         cost = self.cost
         if not isinstance(cost, Cost):
@@ -280,7 +385,7 @@ class MPC:
         whole, N = self.whole, self.horizon
         if whole.N == N:
             return cost
-        k = max(0, int(np.floor((at - self.t0) / self.dt + 0.5)))
+        k = self._step_at(at)
         if type(cost) is QuadraticCost:
             return _held(cost, k, N)
         k = min(k, whole.N - N)
@@ -290,9 +395,9 @@ class MPC:
         """Have the plan begin so many steps later; its last input, state and gain are held."""
         if not steps:
             return
-        self._t += steps * self.dt
+        self._begun += steps
         by = min(steps, self.horizon)
-        for plan in (self.x, self.u, self.K):
+        for plan in (self._x, self.u, self._K):
             last = plan[-1].copy()
             plan[:-by] = plan[by:].copy()
             plan[-by:] = last
@@ -301,13 +406,13 @@ class MPC:
 
     def _improve(self, state: Array, cost: Cost) -> tuple[float, float, int] | str:
         """Make one real-time iteration; return violation, cost and iterations, or why there is no new plan."""
-        system, program, limited = self.system, self._program, self._limited
+        system, program, limited = self.model, self._program, self._limited
         assert program is not None
         assert limited is not None
-        rollout = system.rollout(state, self.x, self.u, self.K, 0, self.horizon)
+        rollout = system.rollout(state, self._x, self.u, self._K, 0, self.horizon)
         if not rollout.complete:
             # Gains that ask for too much far from the plan: its inputs alone may lead through.
-            rollout = system.rollout(state, self.x, self.u, np.zeros_like(self.K), 0, self.horizon)
+            rollout = system.rollout(state, self._x, self.u, np.zeros_like(self._K), 0, self.horizon)
         if not rollout.complete:
             return f"the last plan leads nowhere from here: {rollout.failure}"
         x, u = read_only(rollout.x), read_only(rollout.u)
@@ -323,7 +428,7 @@ class MPC:
             return f"no plan from here: {error}"
         if found is None or not np.isfinite(found.du).all():
             return "the quadratic problem along the motion from here has no minimum"
-        self.x[:], self.K[:] = system.plus(x, found.dx), found.K
+        self._x[:], self._K[:] = system.plus(x, found.dx), found.K
         np.add(u, found.du, out=self.u)
         return found.excess, cost.value(x, u), found.iterations
 
@@ -337,7 +442,7 @@ class MPC:
         """Return what limits are active somewhere along the plan."""
         if self._limited is None or self._program is None or not self._rows:
             return ()
-        room = self._limited.asked(self.x, self.u).flat / self._program.scales
+        room = self._limited.asked(self._x, self.u).flat / self._program.scales
         sides = Sided(room, self._limited.layout)
         return tuple(
             label

@@ -130,7 +130,7 @@ def covariance(spread: Spread, names: Sequence[str], what: str, *, definite: boo
         for name, value in spread.items():
             places = matching(names, name)
             if not places:
-                raise unknown("entry", name, names, what)
+                raise unknown("name", name, names, what)
             deviations[places] = value
         return _checked(np.diag(deviations**2), what, definite=definite and bool((deviations <= 0.0).any()))
     given = as_array(spread, what, (), (n,), (n, n), meaning=f"() or ({n},) standard deviations, or a covariance")
@@ -154,7 +154,7 @@ def covariance_of_states(spread: Spread, system: System, what: str) -> Array:
     for name, value in spread.items():
         places = matching(names, name)
         if not places:
-            raise unknown("entry", name, names, what)
+            raise unknown("name", name, names, what)
         deviations[space.pattern[places].any(axis=0)] = value
     return np.diag(deviations**2)
 

@@ -66,8 +66,9 @@ class Measured:
         if m.nrho:
             q[m.nd :], v[m.nd :] = rho[0], (rho[1] - rho[0]) / (self.t[1] - self.t[0])
         if m.nc:
-            q = project_configuration(m, q).q
-            v = project_velocity(m, q, v).v
+            now = m.at_time(self.t[0])
+            q = project_configuration(now, q).q
+            v = project_velocity(now, q, v).v
         return q, v
 
     def _start(self, system: MidpointSystem) -> Array:

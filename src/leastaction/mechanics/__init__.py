@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
     from leastaction.mechanics.continuous.events import Event, EventRecord
     from leastaction.mechanics.continuous.legendre import legendre_jacobian, to_momentum, to_velocity
-    from leastaction.mechanics.continuous.signals import Feedback, PrescribedMotion
+    from leastaction.mechanics.continuous.prescribed import PrescribedMotion
+    from leastaction.mechanics.continuous.signals import Feedback
     from leastaction.mechanics.continuous.simulation import simulate
     from leastaction.mechanics.continuous.stabilisation import Baumgarte, Drift, Projection
     from leastaction.mechanics.continuous.trajectory import ContinuousState, ContinuousTrajectory, IntegrationStatus
@@ -112,7 +113,8 @@ else:
             "leastaction.mechanics.continuous.dynamics": "ContinuousDynamics",
             "leastaction.mechanics.continuous.events": "Event EventRecord",
             "leastaction.mechanics.continuous.legendre": "legendre_jacobian to_momentum to_velocity",
-            "leastaction.mechanics.continuous.signals": "Feedback PrescribedMotion",
+            "leastaction.mechanics.continuous.prescribed": "PrescribedMotion",
+            "leastaction.mechanics.continuous.signals": "Feedback",
             "leastaction.mechanics.continuous.simulation": "simulate",
             "leastaction.mechanics.continuous.stabilisation": "Baumgarte Drift Projection",
             "leastaction.mechanics.continuous.trajectory": "ContinuousState ContinuousTrajectory IntegrationStatus",

@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.legendre import legendre_jacobian, solve_mass, to_momentum, to_velocity
+from leastaction.mechanics.continuous.prescribed import through_rows
 from leastaction.mechanics.continuous.stabilisation import Drift, rates
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, IntegrationStatus
 from leastaction.mechanics.discrete.midpoint import MidpointVI
@@ -35,6 +36,7 @@ from leastaction.mechanics.discrete.trajectory import SimulationStatus, Trajecto
 from leastaction.mechanics.mechanism.arguments import check_same_names
 from leastaction.mechanics.mechanism.kinematics import Kinematics
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.turns import differences, prescribed_rotations
 from leastaction.numerics.arrays import Array, as_array, as_flag, as_number, as_times, require_instance
 from leastaction.numerics.public import public
 
@@ -91,7 +93,7 @@ def to_discrete(
     inputs = trajectory.input(0.5 * (times[1:] + times[:-1]))[:, : m.n_inputs]
     if not sampled:
         start = integrator.start(q[0], v[0], t=float(times[0]))
-        return integrator.simulate(start, times, inputs=inputs, rho=q[:, m.nq - m.nrho :])
+        return integrator.simulate(start, times, inputs=inputs, rho=q[:, m.first_rho :])
     u = trajectory.input(times)
     lam = np.empty((len(times), m.nc))
     if m.nc:
@@ -99,8 +101,8 @@ def to_discrete(
         lam = out.lam
     p = to_momentum(m, q, v)
     for k in range(1, len(times) if m.nc else 0):
-        p[k] -= 0.5 * dt[k - 1] * (m.constraint_jacobian(q[k])[:, :nd].T @ lam[k])
-    v_rho = np.vstack([v[:1, nd:], np.diff(q[:, m.nq - m.nrho :], axis=0) / dt[:, None]])
+        p[k] -= 0.5 * dt[k - 1] * (m.at_time(times[k]).constraint_jacobian(q[k])[:, :nd].T @ lam[k])
+    v_rho = np.vstack([v[:1, nd:], differences(m, q[1:], q[:-1])[:, nd:] / dt[:, None]])
     impulses = -0.5 * (dt + np.concatenate([[0.0], dt[:-1]]))[:, None] * lam[:-1]
     message = "sampled from a motion in continuous time"
     return Trajectory(m, times, q, inputs, impulses, p=p, v_rho=v_rho, message=message)
@@ -137,8 +139,8 @@ def to_continuous(run: Trajectory, *, dynamics: ContinuousDynamics | None = None
         raise ArgumentError("run: got a trajectory without steps, expected at least one")
     dynamics = ContinuousDynamics(m) if dynamics is None else dynamics
     check_same_names(dynamics.mechanism, m, "dynamics")
-    rho_v, rho_a = _slopes(run.rho, run.t)
-    v = to_velocity(m, run.q, run.p, rho_v, keep_constraints=True)
+    rho_v, rho_a = _slopes(m, run.rho, run.t)
+    v = to_velocity(m, run.q, run.p, rho_v, keep_constraints=True, t=run.t)
     inputs = _at_instants(run.inputs, run.t)
     out = dynamics.accelerations(run.q, v, inputs, rho_a, run.t)
     worst = np.zeros((2, m.nc))
@@ -186,7 +188,8 @@ def gain_to_discrete(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, K: ArrayL
     Deviations of the states are related by the Jacobian T of the Legendre transform, so a force input has the
     gain ``K_u T^-1``. For a prescribed variable the second difference is the acceleration,
     ``rho_next = rho + dt v_rho + dt^2 rho_a``, so with ``E dx = drho + dt dv_rho`` its gain is
-    ``dt^2 K_rho T^-1 - E``: the difference of references takes its place among ubar and xbar.
+    ``dt^2 K_rho T^-1 - E``: the difference of references takes its place among ubar and xbar. A rotation that is a
+    quaternion turns by ``dt v_rho + dt^2 rho_a``, so E dx is ``dt dv_rho`` there.
 
     Parameters
     ----------
@@ -240,9 +243,11 @@ def gain_to_continuous(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, K: Arra
 
 
 def _extrapolation(m: Mechanism, dt: float) -> Array:
-    """Return E (nrho, nx): ``rho + dt v_rho`` of a state."""
+    """Return E (nrho, ndx): ``rho + dt v_rho`` of a state; of rotations ``dt v_rho``, by which a step turns."""
     E = np.zeros((m.nrho, m.ndx))
     E[:, m.nd : m.nv] = np.eye(m.nrho)
+    for _, _, turn in prescribed_rotations(m):
+        E[turn : turn + 3] = 0.0
     E[:, m.nv + m.nd :] = dt * np.eye(m.nrho)
     return E
 
@@ -272,14 +277,12 @@ def _gains(m: Mechanism, K: ArrayLike, T: Array, columns: int) -> Array:
     return as_array(K, "K", (*T.shape[:-2], m.n_inputs + m.nrho, columns))
 
 
-def _slopes(values: Array, t: Array) -> tuple[Array, Array]:
-    """Return first and second derivatives by time at the instants, those of a cubic spline, of second order."""
-    if not values.shape[1]:
-        return values, values
-    from scipy.interpolate import CubicSpline  # slow to import
-
-    spline = CubicSpline(t, values)
-    return spline(t, 1), spline(t, 2)
+def _slopes(m: Mechanism, rho: Array, t: Array) -> tuple[Array, Array]:
+    """Return velocities and accelerations (N+1, nrho) at the instants, along a cubic spline, of second order."""
+    if not m.nrho:
+        return rho, rho
+    motion = through_rows(m, t, rho, degree=3)
+    return np.array([motion.at(at)[1] for at in t]), np.array([motion.acceleration(at) for at in t])
 
 
 def _at_instants(values: Array, t: Array) -> Array:

@@ -9,13 +9,17 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from leastaction.errors import ArgumentError, LeastActionError, brief
+from leastaction.errors import ArgumentError, LeastActionError, brief, unknown
 
 Array = NDArray[np.float64]
+
+Row = ArrayLike | Mapping[str, float]
+"""One row of numbers, by place or by name."""
 
 _MOST = 2**31 - 1  # of what is counted
 
@@ -34,9 +38,9 @@ def as_array(
     ``value``: what the user gave. It is not copied if it is a contiguous array of doubles already. ``what``: what it
     is, for the message: ``"q"``, ``"the com of frame 'bob'"``. ``*shapes``: the shapes that are allowed; None stands
     for any length, no shape at all for any shape. ``meaning``: what the axes mean, for the message: ``"(N+1, nx)"``.
-    ``names``: names of the entries along the last axis, so that a bad entry can be named. ``finite``: whether
-    infinities are refused too. Raises `ArgumentError` if the value is not numeric, has another shape or holds a NaN or
-    an infinity.
+    ``names``: names of the entries along the last axis, so that a bad entry can be named, and a row of them be given as
+    a mapping: what that leaves out is zero. ``finite``: whether infinities are refused too. Raises `ArgumentError` if
+    the value is not numeric, has another shape or holds a NaN or an infinity.
     """
     if (
         finite
@@ -47,6 +51,8 @@ def as_array(
     ):
         require_finite(value, what, names=names, error=error)
         return value
+    if names and isinstance(value, Mapping) and (len(names),) in shapes:
+        value = row_by_name(value, what, names)
     try:
         given = np.asarray(value)
         if given.dtype.kind not in "biuf":
@@ -58,7 +64,7 @@ def as_array(
         within = what.isidentifier() and isinstance(getattr(value, what, None), np.ndarray)
         advice = f"it has an array '{what}': give that" if within else "give a list or an array of numbers"
         if names and isinstance(value, Mapping):
-            advice = f"give the numbers of {_some(names)} in that order (`Mechanism.configuration` takes names)"
+            advice = f"give rows with the numbers of {_some(names)} in that order"
         raise error(f"{what}: got {_given(value)}, expected real numbers{wanted}; {advice}") from None
     # ascontiguousarray turns a scalar into a one-element vector; keep the shape that was given.
     array = array.reshape(given.shape)
@@ -72,6 +78,22 @@ def as_array(
     elif np.isnan(array).any():
         raise error(f"{what}: got nan at index {tuple(np.argwhere(np.isnan(array))[0].tolist())}, expected numbers")
     return array
+
+
+def row_by_name(
+    values: Mapping[str, float],
+    what: str,
+    names: Sequence[str],
+    rest: float = 0.0,
+    known: Mapping[str, float] = MappingProxyType({}),
+) -> Array:
+    """Return numbers given by name as an array (len(names),); others are as ``known`` by name, else ``rest``."""
+    row = dict.fromkeys(names, rest) | {**known}
+    for name, value in values.items():
+        if name not in row:
+            raise unknown("name", name, names, what)
+        row[name] = as_number(value, f"{what}: the value of {name!r}")
+    return np.array(list(row.values()), dtype=np.float64)
 
 
 def as_wanted(value: object, what: str, *shapes: tuple[int | None, ...]) -> Array:

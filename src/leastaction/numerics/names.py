@@ -42,5 +42,5 @@ def some_names(names: object, what: str, of: str) -> tuple[str, ...]:
 def matching(names: Sequence[str], pattern: str) -> list[int]:
     """Return the places of the names that are the pattern, or that it means with wildcards (``"string-*"``)."""
     if not isinstance(pattern, str):
-        raise ArgumentError(f"names: got {brief(repr(pattern))} ({type(pattern).__name__}), expected a name")
+        raise ArgumentError(f"got {brief(repr(pattern))} ({type(pattern).__name__}) where the name of an entry belongs")
     return [i for i, name in enumerate(names) if name == pattern or fnmatchcase(name, pattern)]

@@ -113,11 +113,11 @@ class OdeStep:
 class Passage:
     """Where an equation is fragile, and how its steps are to be made and judged there.
 
-    ``fragile(y)``: asked of the end of every step. ``fun``: an equation of the same solution that stands up to more, in
-    place of `March`'s. ``error(interpolants)``: how wrong some steps went, in units of what is allowed.
+    ``fragile(t, y)``: asked of the end of every step. ``fun``: an equation of the same solution that stands up to more,
+    in place of `March`'s. ``error(interpolants)``: how wrong some steps went, in units of what is allowed.
     """
 
-    fragile: Callable[[Array], bool]
+    fragile: Callable[[float, Array], bool]
     fun: Callable[[float, Array], Array]
     error: Callable[[Sequence[Interpolant]], float]
 
@@ -192,7 +192,7 @@ class March:
             return
         before = (self.t, self.y, self._size)
         while (step := next(steps, None)) is not None:
-            if self._lost < _PATIENCE and self._passage.fragile(step.y):
+            if self._lost < _PATIENCE and self._passage.fragile(step.end, step.y):
                 held, anew = self._pass(kind, begin, end, before, step, steps)
                 yield from held
                 if anew and self.t != end:
@@ -245,7 +245,7 @@ class March:
             pieces.append(step.interpolant())
             held.append(step)
             shrunk = abs(step.end - step.start) < shortest and step.end != self._stops[-1]
-            if shrunk or len(held) == _HELD or not passage.fragile(step.y):
+            if shrunk or len(held) == _HELD or not passage.fragile(step.end, step.y):
                 break
             try:
                 after = next(steps, None)

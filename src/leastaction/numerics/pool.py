@@ -16,6 +16,7 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 
+_fresh = np.empty
 _FEW = 512  # rows of an array below which fresh memory is quicker than to look for some
 
 
@@ -64,7 +65,7 @@ _active = threading.local()
 def empty(shape: tuple[int, ...], dtype: Any = np.float64) -> Any:
     """Return an array, not initialised: from the pool of the run that goes on in this thread, if there is one."""
     if shape[0] < _FEW:
-        return np.empty(shape, dtype)
+        return _fresh(shape, dtype)
     pool: Pool | None = getattr(_active, "pool", None)
     return np.empty(shape, dtype) if pool is None else pool.empty(shape, dtype)
 

@@ -23,9 +23,11 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError, KeywordError, LeastActionError, brief
+from leastaction.errors import ArgumentError, KeywordError, LackingArgumentError, LeastActionError, brief
 
 T = TypeVar("T")
+
+_frame = sys._getframe
 
 _UNTYPED = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError)
 _OURS = {"leastaction", "numpy", "scipy", "sympy", "h5py", "matplotlib", *sys.stdlib_module_names} - {"__main__"}
@@ -84,7 +86,7 @@ def _around(function: Callable[..., Any], name: str) -> Callable[..., Any]:
     @functools.wraps(function)
     def call(*arguments: Any, **named: Any) -> Any:
         nonlocal seen
-        if sys._getframe(1).f_globals.get("__name__", "").startswith("leastaction."):
+        if _frame(1).f_globals.get("__name__", "")[:12] == "leastaction.":
             return function(*arguments, **named)
         if seen is None:
             seen = _Signature(function, of_object=not name or name.startswith("."))
@@ -132,7 +134,8 @@ class _Signature:
         self.looks_at_values = not _describes(function)
         self.kinds = {p.name: kind_of(p.annotation, function) for p in plain}
         self.positional = [p.name for p in plain if p.kind != p.KEYWORD_ONLY]
-        self.keywords = [p.name for p in plain if p.kind != p.POSITIONAL_ONLY]
+        self.keywords = [p.name for p in plain[of_object:] if p.kind != p.POSITIONAL_ONLY]
+        self.needed = [p.name for p in plain[of_object:] if p.default is p.empty]
         early = [(i, name) for i, name in enumerate(self.positional) if self.kinds[name].early]
         self.early = early if self.looks_at_values else []
         self.flags = [name for name, kind in self.kinds.items() if kind is _SIMPLE[bool]]
@@ -183,6 +186,8 @@ class _Signature:
             ) from error
         self.check(arguments, named)
         given = {**dict(zip(self.positional, arguments, strict=False)), **named}
+        if lacking := [name for name in self.needed if name not in given]:
+            raise LackingArgumentError(f"lacks {', '.join(lacking)}") from error
         for name, value in given.items():
             called = f"{getattr(value, '__name__', None)}()"
             if callable(value) and (inspect.isclass(value) or str(error).partition(" ")[0].endswith(called)):

@@ -37,6 +37,23 @@ def inverse(q: Array) -> Array:
     return np.asarray(q * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
+def continued(q: Array) -> Array:
+    """Return quaternions (n, 4) of rotations, each the nearer of both to the one before."""
+    flips = np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0.0, -1.0, 1.0)
+    return np.asarray(q * np.cumprod(np.concatenate([[1.0], flips]))[:, None])
+
+
+def body_rates(q: Array, rate: Array) -> Array:
+    """Return the angular velocities (..., 3) in the axes of the body of quaternions of any length that change."""
+    return np.asarray(2.0 * product(inverse(q), rate)[..., 1:] / np.sum(q * q, axis=-1, keepdims=True))
+
+
+def body_accelerations(q: Array, rate: Array, bent: Array) -> Array:
+    """Return how `body_rates` change (..., 3), given first and second derivatives of the quaternions by time."""
+    growth = np.sum(q * rate, axis=-1, keepdims=True) / np.sum(q * q, axis=-1, keepdims=True)
+    return np.asarray(body_rates(q, bent) - 2.0 * growth * body_rates(q, rate))
+
+
 def exponential(phi: Array) -> Array:
     """Return the rotations (..., 4) by vectors (..., 3) in rad."""
     half = 0.5 * np.sqrt(np.sum(phi * phi, axis=-1, keepdims=True))

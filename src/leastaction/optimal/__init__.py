@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from leastaction.optimal.optimizer import Optimizer
     from leastaction.optimal.options import Method, Options, Shooting
     from leastaction.optimal.quantity import Entries, FunctionQuantity, Quantity
+    from leastaction.optimal.remembered.rates import RateCost
     from leastaction.optimal.result import IterationRecord, OptimizationHistory, OptimizationResult, Status
     from leastaction.optimal.space import ProductSpace, Rotations, StateSpace, Vectors
     from leastaction.optimal.starts.coarse_to_fine import coarse_to_fine, resample
@@ -84,6 +85,7 @@ else:
             "leastaction.optimal.discrete.function_cost": "FunctionCost",
             "leastaction.optimal.discrete.residuals": "GaussNewton",
             "leastaction.optimal.discrete.sums": "CostSum",
+            "leastaction.optimal.remembered.rates": "RateCost",
             "leastaction.optimal.discrete.function_system": "FunctionSystem LinearSystem",
             "leastaction.optimal.discrete.hessians": "CostHessian HessianPart ModelHessian",
             "leastaction.optimal.discrete.linear_quadratic": (
@@ -123,10 +125,10 @@ __all__ = [
     "IterationRecord", "IterationTable", "Limit", "LimitReport", "LimitState", "LinearContinuousSystem",
     "LinearQuadraticSolution", "LinearSystem", "Linearization", "Method", "ModelHessian", "OptimizationHistory",
     "OptimizationResult", "Optimizer", "Options", "Parameter", "Periodic", "PiecewisePolynomial", "PricedLimit",
-    "PricedLimits", "ProductSpace", "ProjectionOperator", "QuadraticCost", "Quantity", "RateGradient", "RateHessian",
-    "Rollout", "Rotations", "Shooting", "StageRecord", "StageTable", "StartResult", "StartStatus", "StateSpace",
-    "Status", "Unknown", "Vectors", "WindowCost", "WindowSystem", "Within", "adjoint", "check_derivatives",
-    "coarse_to_fine", "continuation", "controllability", "cost_along", "linearize_along_curve", "optimize",
-    "optimize_continuous", "receding_horizon", "regulate", "regulate_continuous", "resample",
+    "PricedLimits", "ProductSpace", "ProjectionOperator", "QuadraticCost", "Quantity", "RateCost", "RateGradient",
+    "RateHessian", "Rollout", "Rotations", "Shooting", "StageRecord", "StageTable", "StartResult", "StartStatus",
+    "StateSpace", "Status", "Unknown", "Vectors", "WindowCost", "WindowSystem", "Within", "adjoint",
+    "check_derivatives", "coarse_to_fine", "continuation", "controllability", "cost_along", "linearize_along_curve",
+    "optimize", "optimize_continuous", "receding_horizon", "regulate", "regulate_continuous", "resample",
     "solve_continuous_linear_quadratic", "solve_linear_quadratic", "steady_state_regulator", "sweep_forward",
 ]  # fmt: skip

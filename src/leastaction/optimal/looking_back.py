@@ -14,8 +14,12 @@ from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.quantity import Instants, Quantity, QuantityElsewhere, QuantityView, Samples
 
 Need = tuple[str, int]
-"""What is remembered of the step before: ("input", i) what was applied, ("state", i) where it began."""
+"""What is remembered of the step before: ("input", i) what was applied, ("state", i) where it began.
 
+Of a rotation, whose four numbers begin at i, as a whole: `TURN` in the place of "state".
+"""
+
+TURN = "turn"
 
 BEFORE = " a step before"
 """What stands behind the name of what is remembered."""
@@ -23,25 +27,27 @@ BEFORE = " a step before"
 
 @dataclass(frozen=True)
 class Recalled:
-    """Where what is needed is remembered, in ``places`` from the end of a state.
+    """Where what is needed is remembered, in ``places`` from the end of a state, and of its directions.
 
-    ``returning``: what the first step of a periodic motion has from the last.
+    ``returning``: what the first step of a periodic motion has from the last. ``given``: what is known of before the
+    first step.
     """
 
-    places: Mapping[Need, int]
+    places: Mapping[Need, tuple[int, int]]
     returning: frozenset[Need] = frozenset()
+    given: frozenset[Need] = frozenset()
 
 
 class LookingBack(Quantity):
-    """Linear functions of a step that need some of the one before.
+    """Functions of a step that need some of the one before.
 
-    The first step has none, but where all that is needed returns: in a motion that goes on for ever the last step is
-    before it. ``memory``: None of a system that does not remember, until `optimize` makes one that does.
+    The first step has none, but where all that is needed returns, as in a motion that goes on for ever the last step is
+    before it, or is given. ``memory``: None of a system that does not remember, until `optimize` makes one that does.
     """
 
     def __init__(self, memory: Recalled | None) -> None:
         self.memory = memory
-        self.first = 0 if memory is not None and memory.returning.issuperset(self.needs) else 1
+        self.first = 0 if memory is not None and (memory.returning | memory.given).issuperset(self.needs) else 1
 
     @property
     @abstractmethod
@@ -52,8 +58,8 @@ class LookingBack(Quantity):
     def remembering(self, memory: Recalled) -> Self:
         """Return the same where that is remembered, as far as it is."""
 
-    def remembered(self) -> Instants:
-        """Return where what is needed stands, in places from the end of a state.
+    def remembered(self) -> tuple[Instants, Instants]:
+        """Return where what is needed stands, in places from the end of a state, and from that of its directions.
 
         Raises
         ------
@@ -63,9 +69,10 @@ class LookingBack(Quantity):
         if self.memory is None:
             raise ArgumentError(
                 f"{self.kind} {self.names[0]!r}: it depends on the step before, which is no part of the state: only "
-                "`optimize` limits it"
+                "`optimize` and `MPC` limit it"
             )
-        return np.array([self.memory.places[need] for need in self.needs], dtype=np.intp)
+        found = np.array([self.memory.places[need] for need in self.needs], dtype=np.intp).reshape(-1, 2)
+        return found[:, 0], found[:, 1]
 
 
 class InputRates(LookingBack):
@@ -95,10 +102,10 @@ class InputRates(LookingBack):
         return InputRates([self.names[row] for row in rows], chosen, self.times, self.memory)
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
-        return np.concatenate([nx + self.remembered(), nx + self.places])
+        return np.concatenate([nx + self.remembered()[1], nx + self.places])
 
     def values(self, at: Samples) -> Array:
-        return np.asarray((at.u[:, self.places] - at.x[:, self.remembered()]) / self._lasts(at))
+        return np.asarray((at.u[:, self.places] - at.x[:, self.remembered()[0]]) / self._lasts(at))
 
     def jacobian(self, at: Samples) -> Array:
         each = np.eye(len(self.names)) / self._lasts(at)[:, :, None]
@@ -111,8 +118,16 @@ class InputRates(LookingBack):
         return isinstance(other, InputRates) and np.array_equal(self.times, other.times)
 
     def _lasts(self, at: Samples) -> Array:
-        dt = np.diff(self.times)
-        return np.asarray(0.5 * (dt[at.k] + dt[at.k - 1])[:, None])  # before the first is the last
+        return lasting(self.times, returns=self.memory is not None and bool(self.memory.returning))[at.k, None]
+
+
+def lasting(times: Array, *, returns: bool = False) -> Array:
+    """Return how long it is (N,) from the middle of the step before to that of each step between times (N+1,).
+
+    Before the first is the last one, of a motion that returns, and else one as long as itself.
+    """
+    dt = np.diff(times)
+    return np.asarray(0.5 * (dt + np.concatenate([dt[-1:] if returns else dt[:1], dt[:-1]])))
 
 
 class OwnQuantity(QuantityElsewhere):
@@ -139,7 +154,7 @@ class OwnQuantity(QuantityElsewhere):
 
 
 def needs_of(quantity: Quantity) -> tuple[Need, ...]:
-    """Return what a quantity needs to be remembered; mostly nothing."""
+    """Return what a quantity needs to be remembered that is not yet; mostly nothing."""
     while isinstance(quantity, QuantityView):
         quantity = quantity.whole
-    return quantity.needs if isinstance(quantity, LookingBack) else ()
+    return quantity.needs if isinstance(quantity, LookingBack) and quantity.memory is None else ()

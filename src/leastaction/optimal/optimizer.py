@@ -326,15 +326,10 @@ class Optimizer:
         cost = cost.over(system.N)
         check_space(cost, system)
         final_time = None
-        if system.charts() is not None and any(isinstance(limit, Periodic) for limit in self.limits):
-            raise ArgumentError(
-                f"limits: got a Periodic for {type(system).__name__}, whose states are no plain vectors: expected "
-                "Equal at the end, of a given state"
-            )
         if isinstance(settings.projection, PiecewisePolynomial):
             raise ArgumentError("projection: got functions of time, expected gains (N, nu, nx) of a discrete system")
         limits = self.limits
-        needs = needed_by(limits, system, 1 if free is False else 0)
+        needs = needed_by(limits, cost, system, 1 if free is False else 0)
         if needs:
             self._remembered = remembered = Remembered(system, cost, limits, needs)
             system, cost, limits = remembered.system, remembered.cost, remembered.limits

@@ -213,18 +213,18 @@ class HistoryBuilder:
     def build(self) -> OptimizationHistory:
         """Return the arrays."""
         columns: Any = zip(*self._rows, strict=True) if self._rows else ((),) * len(self._COLUMNS)
-        arrays = {
-            name: column if name == "method" else np.array(column, dtype=_KINDS.get(name, np.float64))
-            for name, column in zip(self._COLUMNS, columns, strict=True)
-        }
-        return made(OptimizationHistory, cost=np.array(self.cost, dtype=np.float64), **arrays)
+        found = dict(zip(self._COLUMNS, columns, strict=True))
+        for names, kind in ((_NUMBERS, np.float64), (_COUNTS, np.int64)):  # one array for all of a kind
+            found.update(zip(names, np.array([found[name] for name in names], dtype=kind), strict=True))
+        return made(OptimizationHistory, cost=np.array(self.cost, dtype=np.float64), **found)
 
     def _column(self, name: str) -> list[Any]:
         at = self._COLUMNS.index(name)
         return [row[at] for row in self._rows]
 
 
-_KINDS: dict[str, type] = {"rollouts": np.int64, "cut_at": np.int64}
+_COUNTS = ("rollouts", "cut_at")
+_NUMBERS = tuple(name for name in HistoryBuilder._COLUMNS if name not in ("method", *_COUNTS))
 _columns_of = attrgetter(*HistoryBuilder._COLUMNS)
 
 

@@ -91,23 +91,34 @@ class NewtonSchedule:
         return changed(self, scale=scale, growth=max(self.growth**0.5, _LEAST_GROWTH), wary=wary or self.wary)
 
     def after_step(
-        self, method: str, curvature_scale: float, length: float, agreement: float, expected: float, value: float
+        self,
+        method: str,
+        curvature_scale: float,
+        length: float,
+        agreement: float,
+        expected: float,
+        value: float,
+        *,
+        held: bool = False,
+        free: bool = False,
     ) -> NewtonSchedule:
         """Return the schedule after an accepted step.
 
         ``method``: whose direction it followed. ``curvature_scale``: the part of the dynamics' curvature in its model.
         ``length``: its length. ``agreement``: decrease of the cost, relative to the decrease of the model over its full
-        step. ``expected``, ``value``: expected decrease, and the cost.
+        step. ``expected``, ``value``: expected decrease, and the cost. ``held``: whether it lowered the cost by what
+        its model had foretold. ``free``: whether its length says nothing of the next.
         """
         shift = self.shift * (0.1 if length == 1.0 else 1.0)
         new: dict[str, Any] = {
             "shift": 0.0 if shift < _LEAST_SHIFT else shift,
             "expected": expected,
-            "length": length,
+            "length": 1.0 if free else length,
             "full": length == 1.0 and method in ("newton", "newton-damped", "quasi-newton"),
             # Of an exact model it would be noise.
             "reach": _reach(length, agreement) if method == "newton-damped" else 0.0,
             "method": method,
+            "holds": held,
             "spent": self.spent + 1,
         }
         if method == "negative-curvature":

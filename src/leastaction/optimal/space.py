@@ -358,6 +358,13 @@ def _slices(sizes: Sequence[int]) -> list[slice]:
     return [slice(start, stop) for start, stop in pairwise(np.cumsum([0, *sizes]).tolist())]
 
 
+def parts_of(space: StateSpace) -> list[StateSpace]:
+    """Return the parts that a space is made of, one after the other, none of them a product."""
+    if not isinstance(space, ProductSpace):
+        return [space]
+    return [inner for part in space.parts for inner in parts_of(part)]
+
+
 # ---- What follows from charts -----------------------------------------------------------------------------------
 
 

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from leastaction.systems.pulled import PulledSystem
     from leastaction.systems.regions import Ball, Box, HalfSpace, Region
     from leastaction.systems.relaxation import by_tensions, relax
-    from leastaction.systems.rigs.play import play
-    from leastaction.systems.rigs.rig import Played, Rig
+    from leastaction.systems.rig import Played, Rig
     from leastaction.systems.warm_starts import warm_start
 else:
     __getattr__, __dir__ = lazily(
@@ -48,8 +47,7 @@ else:
             "leastaction.systems.pulled": "PulledSystem",
             "leastaction.systems.regions": "Ball Box HalfSpace Region",
             "leastaction.systems.relaxation": "by_tensions relax",
-            "leastaction.systems.rigs.play": "play",
-            "leastaction.systems.rigs.rig": "Played Rig",
+            "leastaction.systems.rig": "Played Rig",
             "leastaction.systems.warm_starts": "warm_start",
         },
     )
@@ -57,6 +55,6 @@ else:
 __all__ = [
     "Ball", "Box", "CostOfAccelerations", "CostOfConfigurations", "Followed", "HalfSpace", "Keep", "MechanismSystem",
     "MidpointSystem", "OrientationCost", "Oriented", "PathBound", "PlaceCost", "Played", "Pointing", "PulledSystem",
-    "Region", "Rig", "SmoothCost", "by_tensions", "check_derivatives", "embed", "follow", "play", "relax", "tracking",
+    "Region", "Rig", "SmoothCost", "by_tensions", "check_derivatives", "embed", "follow", "relax", "tracking",
     "warm_start",
 ]  # fmt: skip

@@ -18,6 +18,7 @@ from leastaction.errors import InconsistentStartError, LeastActionError, Project
 from leastaction.mechanics.configuration.assembly import check_consistent, project_configuration, project_velocity
 from leastaction.mechanics.configuration.null_space import NullSpace
 from leastaction.mechanics.continuous.legendre import to_velocity
+from leastaction.mechanics.discrete.prescribed import held
 from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.turns import difference, moved_by
@@ -150,9 +151,9 @@ def _decides(system: MidpointSystem, x: Array) -> bool:
 
 def _inputs(system: MidpointSystem, x: Array, u: Array) -> Array:
     """Return inputs (N, nu) that hold what is prescribed where a state (nx,) has it."""
-    m, held = system.mechanism, u.copy()
-    held[:, m.n_inputs :] = x[m.nq - m.nrho : m.nq]
-    return held
+    m, given = system.mechanism, u.copy()
+    given[:, m.n_inputs :] = held(m, x[m.first_rho : m.nq])
+    return given
 
 
 def _modes(system: MidpointSystem, cost: Cost, x: Array, u: Array) -> list[_Mode]:
@@ -161,7 +162,7 @@ def _modes(system: MidpointSystem, cost: Cost, x: Array, u: Array) -> list[_Mode
     Variables that are enough to say where the mechanism stands are held, first of all those that inputs act on; the
     others set out from places all around.
     """
-    m = system.mechanism
+    m = system.mechanism.at_time(system.t[0])
     v_rho = x[m.nq + m.nd : m.nx]
     try:
         q = project_configuration(m, x[: m.nq], attempts=_STARTS).q
@@ -245,7 +246,7 @@ def _closes(m: Mechanism, q: Array) -> bool:
 
 def _state(system: MidpointSystem, q: Array, v: Array) -> Array:
     """Return the state (nx,) at a configuration with a velocity."""
-    return system.integrator.start(q, v).x
+    return system.integrator.start(q, v, t=float(system.t[0])).x
 
 
 def _constraints(m: Mechanism) -> dict[str, Constraint]:

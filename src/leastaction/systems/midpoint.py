@@ -159,7 +159,7 @@ class MidpointSystem(DiscreteSystem):
         Those of the configuration are tangent to the constraints, and so are those of the momenta. The multipliers of
         an initial state mean nothing and stay. Left out, `free` is all variables, momenta, and rates of kinematic ones.
         """
-        m = self.mechanism
+        m = self.mechanism.at_time(self.t[0])
         chosen = list(range(m.nx)) if free is None else [i for i in self.free_entries(free) if i < m.nx]
         if self.space is not None:
             # A direction is free where all is that it moves.
@@ -196,7 +196,7 @@ class MidpointSystem(DiscreteSystem):
         return whole
 
     def check_start(self, x: Array) -> None:
-        m = self.mechanism
+        m = self.mechanism.at_time(self.t[0])
         if m.nc:
             try:
                 check_consistent(m, np.ascontiguousarray(x[: m.nq]), tolerance=_OFF)
@@ -207,7 +207,7 @@ class MidpointSystem(DiscreteSystem):
                 ) from None
 
     def moved_start(self, x: Array, dx: Array) -> Array:
-        m = self.mechanism
+        m = self.mechanism.at_time(self.t[0])
         moved = self.plus(x, dx)
         if m.nc:
             q = np.ascontiguousarray(moved[: m.nq])
@@ -325,7 +325,7 @@ class MidpointSystem(DiscreteSystem):
             columns = [list(names).index(name) for name in numbers]
             q = np.ascontiguousarray(x[: m.nq])
             try:
-                out[: m.nd, columns] = start_by(self.integrator, q, numbers, hold)
+                out[: m.nd, columns] = start_by(self.integrator.like(m.at_time(self.t[0])), q, numbers, hold)
             except ArgumentError as error:
                 raise ArgumentError(
                     f"unknowns: too little of the start is free to follow: {error}, or give free_start=True"

@@ -126,7 +126,8 @@ def relax(
         )  # fmt: skip
 
     def residual(result: OptimizationResult) -> float:
-        return float(np.abs([m.constraint_values(q) for q in result.x[1:, : m.nq]]).max())
+        instants = zip(system.t[1:], result.x[1:, : m.nq], strict=True)
+        return float(np.abs([m.at_time(t).constraint_values(q) for t, q in instants]).max())
 
     found = continuation(
         solve,

@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from leastaction.errors import ArgumentError, InconsistentStartError, unknown
 from leastaction.mechanics.configuration.assembly import project_configuration, project_velocity
 from leastaction.mechanics.continuous.legendre import to_momentum, to_velocity
+from leastaction.mechanics.discrete.prescribed import inputs_along
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.elements.base import Constraint
+from leastaction.mechanics.mechanism.arguments import single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.turns import interpolated, of_coordinates
 from leastaction.numerics.arrays import Array, as_array, require_instance
@@ -85,7 +87,7 @@ def warm_start(
     q, v = _motion(old, x, t)
     lam = x[:, old.nx :] / np.append(t[1] - t[0], np.diff(t))[:, None] if from_system.multipliers else None
 
-    first = new.configuration() if start is None else as_array(start.q, "start.q", (new.nq,), names=new.coordinates)
+    first = new.configuration() if start is None else single(new, start.q, "start.q")
     configurations, between = np.tile(first, (len(times), 1)), interpolated(old, q, t, times)
     velocities = np.zeros((len(times), new.nv))
     outside = (times < t[0]) | (times > t[-1])
@@ -96,8 +98,8 @@ def warm_start(
         if known[i]:
             column = variables.index(name)
             velocities[:, i] = np.where(outside, 0.0, np.interp(times, t, v[:, column]))
-    configurations_onto_constraints(new, configurations, np.array(known), start)
-    velocities_onto_constraints(new, configurations, velocities, np.array(known))
+    configurations_onto_constraints(new, times, configurations, np.array(known), start)
+    velocities_onto_constraints(new, times, configurations, velocities, np.array(known))
     steps, momenta = np.diff(times), to_momentum(new, configurations, velocities)
     result = to_system.states_along(configurations, momenta, velocities[0, new.nd :])
     if start is not None:
@@ -116,7 +118,7 @@ def warm_start(
     for i, name in enumerate(new.inputs):
         if name in spoken:
             inputs[:, i] = given[:, spoken.index(name)]
-    inputs[:, new.n_inputs :] = configurations[1:, new.nq - new.nrho :]
+    inputs[:, new.n_inputs :] = inputs_along(new, configurations[:, new.first_rho :])
     return result, inputs
 
 
@@ -150,17 +152,18 @@ def _motion(m: Mechanism, x: Array, t: Array) -> tuple[Array, Array]:
     if len(t) > 2:
         # Velocities over steps stand at their middles; at an instant it is the mean of two.
         v_rho = np.vstack([v_rho[:1], 0.5 * (v_rho[1:-1] + v_rho[2:]), v_rho[-1:]])
-    return q, to_velocity(m, q, p, v_rho, keep_constraints=m.nc > 0)
+    return q, to_velocity(m, q, p, v_rho, keep_constraints=m.nc > 0, t=t)
 
 
 def configurations_onto_constraints(
     m: Mechanism,
+    t: Array,
     q: Array,
     known: NDArray[np.bool_],
     start: State | None,
     reach: Callable[[int, Array], None] | None = None,
 ) -> None:
-    """Bring configurations onto the constraints, in place, by the variables not known of them if that is enough.
+    """Bring configurations at times (N+1,) onto the constraints, in place, by what is not known if that is enough.
 
     ``reach``: moves the configuration of an instant, in place, to where it is wanted; what is not known of it, and what
     is reached, begins as it was an instant before.
@@ -179,12 +182,14 @@ def configurations_onto_constraints(
                 if reach is not None:
                     reach(k, q[k])
                 if m.nc > 0:
-                    q[k] = projected(project_configuration, m, q[k], attempts=_ATTEMPTS if k == 0 else 1).q
+                    q[k] = projected(
+                        project_configuration, m.at_time(t[k]), q[k], attempts=_ATTEMPTS if k == 0 else 1
+                    ).q
         if k == 0 and start is None:
             q[k, lengths] = np.abs(q[k, lengths])  # the square of a distance is met by its mirrored length too
 
 
-def velocities_onto_constraints(m: Mechanism, q: Array, v: Array, known: NDArray[np.bool_]) -> None:
+def velocities_onto_constraints(m: Mechanism, t: Array, q: Array, v: Array, known: NDArray[np.bool_]) -> None:
     """Bring velocities onto the constraints, in place, as configurations are."""
     if m.nc == 0:
         return
@@ -192,7 +197,7 @@ def velocities_onto_constraints(m: Mechanism, q: Array, v: Array, known: NDArray
     for k in range(len(q)):
         if k > 0:
             v[k, ~known] = v[k - 1, ~known]
-        v[k] = projected(project_velocity, m, q[k], v[k]).v
+        v[k] = projected(project_velocity, m.at_time(t[k]), q[k], v[k]).v
 
 
 def _projection(m: Mechanism, known: NDArray[np.bool_]) -> Callable[..., Any]:

@@ -9,9 +9,9 @@ import numpy as np
 
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory
+from leastaction.mechanics.discrete.impulses import impulses_along
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import Trajectory
-from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.public import public
 from leastaction.viz.figures import GREY, PALE, styled
@@ -54,10 +54,11 @@ def plot_residuals(run: Source, *, title: str = "") -> Figure:
     motion = motion_of(run, "plot_residuals")
     m = motion.mechanism
     sets: list[tuple[str, Sequence[str], Array, Array]] = []
-    h = np.array([m.core.constraints(np.ascontiguousarray(q)) for q in motion.q]).reshape(len(motion.t), m.nc)
+    then = [m.at_time(t) for t in motion.t]
+    h = np.array([at.constraint_values(q) for at, q in zip(then, motion.q, strict=True)]).reshape(len(motion.t), m.nc)
     sets += _of_each_unit("constraint", motion, motion.t, h)
     if isinstance(motion, ContinuousTrajectory):
-        rates = [m.constraint_jacobian(q) @ v for q, v in zip(motion.q, motion.v, strict=True)]
+        rates = [at.constraint_rates(q, v) for at, q, v in zip(then, motion.q, motion.v, strict=True)]
         rates_of = np.array(rates).reshape(len(motion.t), m.nc)
         sets += _of_each_unit("its rate", motion, motion.t, rates_of, per="/s")
     t, lacking = _lacking(motion)
@@ -98,25 +99,10 @@ def _lacking(motion: Trajectory | ContinuousTrajectory) -> tuple[Array, Array]:
         inertia = [m.mass_matrix(q)[: m.nd] @ a for q, a in zip(motion.q, motion.a, strict=True)]
         scale = max(float(np.abs(slopes).max(initial=0.0)), float(np.abs(inertia).max(initial=0.0)))
         return motion.t, found[:, : m.nd] / (scale or 1.0)
-    after, before, held = _impulses(motion)
-    lacking = after[:-1] + before[1:] - held[1:]
-    scale = max(float(np.abs(after).max(initial=0.0)), float(np.abs(held).max(initial=0.0)))
+    before, after, held = impulses_along(MidpointVI(m), motion.t, motion.q, motion.inputs, motion.lam)
+    lacking = (after[:-1] + before[1:] - held[1:])[:, : m.nd]
+    scale = max(float(np.abs(part[:, : m.nd]).max(initial=0.0)) for part in (after, held))
     return motion.t[1:-1], lacking / (scale or 1.0)
-
-
-def _impulses(run: Trajectory) -> tuple[Array, Array, Array]:
-    """Return the impulses (N, nd) at the ends and the starts of steps, and of constraints at their starts."""
-    m, dt, shares = run.mechanism, np.diff(run.t)[:, None], MidpointVI(run.mechanism).shares
-    angles_only(run.mechanism, "residuals")
-    middle = 0.5 * (run.t[1:] + run.t[:-1])
-    states = list(zip(0.5 * (run.q[1:] + run.q[:-1]), run.v, run.inputs, middle, strict=True))
-    slopes = [m.core.gradient(q, v, t) for q, v, _, t in states]
-    L_q, L_v = (np.array([slope[i] for slope in slopes]).reshape(len(dt), m.nq)[:, : m.nd] for i in (0, 1))
-    f = np.array([m.core.force(q, v, u, t=t) for q, v, u, t in states]).reshape(len(dt), m.nq)[:, : m.nd]
-    held = [m.constraint_jacobian(q)[:, : m.nd].T @ lam for q, lam in zip(run.q[:-1], run.lam, strict=True)]
-    after = dt * (0.5 * L_q + shares[1] * f) + L_v  # D2Ld + fd+
-    before = dt * (0.5 * L_q + shares[0] * f) - L_v  # D1Ld + fd-
-    return after, before, np.array(held).reshape(len(dt), m.nd)
 
 
 def _draw(axes: Axes, names: Sequence[str], t: Array, values: Array) -> None:

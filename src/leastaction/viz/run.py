@@ -16,7 +16,7 @@ from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.public import public
 from leastaction.optimal.limits.limit import Limit, checked_limits
 from leastaction.optimal.result import OptimizationResult
-from leastaction.systems.rigs.rig import Played
+from leastaction.systems.rig import Played
 from leastaction.viz.bounds import ACTIVE, LIMIT, DrawnBound, draw_bound, reported_bounds, stated_bounds
 from leastaction.viz.figures import ORANGE, at_least, styled
 from leastaction.viz.panels import (

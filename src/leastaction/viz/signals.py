@@ -16,7 +16,7 @@ from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.names import matching
 from leastaction.optimal.result import OptimizationResult
-from leastaction.systems.rigs.rig import Played
+from leastaction.systems.rig import Played
 
 Source = Trajectory | ContinuousTrajectory | OptimizationResult
 Drawn = Source | Played

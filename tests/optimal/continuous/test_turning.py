@@ -10,7 +10,7 @@ import pytest
 from derivatives.test_quaternions import FORCES, PIN, WRENCH, tumbling
 from leastaction import Feedback, check_derivatives, simulate
 from leastaction.limits import Ball, Bound, Equal, Keep, Oriented, Pointing
-from leastaction.mechanics import BodyWrench, Gravity, Mechanism, MidpointVI, ball, free, tx
+from leastaction.mechanics import BodyWrench, Gravity, Mechanism, MidpointVI, ball, free, rx, ry, tx
 from leastaction.optimal import ContinuousQuadraticCost, DenseTrajectory, QuadraticCost, Status, optimize
 from leastaction.optimal.collocation.limits import Points
 from leastaction.optimal.collocation.mesh import RadauMesh
@@ -191,3 +191,23 @@ def test_large_turns_take_few_iterations(angle: float) -> None:
     assert found.success
     assert found.iterations <= 8
     assert found.cost == pytest.approx(0.001 * angle**2, rel=1e-6)
+
+
+@pytest.mark.parametrize("bounded", [False, True])
+def test_the_hand_is_an_input(bounded: bool) -> None:
+    """Of a bar whose turns are prescribed the accelerations are found that bring a body on it where it is wanted."""
+    hand = ball("hand", kinematic=True, mass=0.2, inertia=(1e-3, 1e-3, 2e-3))
+    swing = ry("swing", name="body", mass=0.5, com=(0.0, 0.0, -0.2), inertia=(2e-3, 2e-3, 1e-3))
+    m = Mechanism([hand, [rx("lean"), [swing]]], [Gravity()])
+    system = MechanismSystem(m)
+    x0 = np.r_[m.configuration(), np.zeros(5)]
+    wanted = np.r_[0.0, 0.0, np.cos(0.5), 0.0, np.sin(0.5), 0.0, np.zeros(5)]
+    price = {"Q": np.full(10, 1e-3), "R": np.full(3, 1e-3), "Q_final": np.r_[0.1, 0.1, np.full(8, 10.0)]}
+    cost = ContinuousQuadraticCost(wanted, np.zeros(3), **price, space=system)
+    limits = [Bound(["hand.wx", "hand.wy", "hand.wz"], -8.0, 8.0, of="acceleration")] if bounded else []
+    found = optimize(system, cost, initial=(x0, np.zeros(3)), horizon=(0.0, 0.8), limits=limits)
+    assert found.success, found.message
+    assert np.abs(system.difference(found.x[-1], wanted)[2:5]).max() < 0.05
+    assert bool(np.abs(found.u).max() < 8.0 + 1e-6) is bounded
+    run = simulate(m, x0[:6], x0[6:], [0.0, 0.8], rho_a=found.dense.u, rtol=1e-10)
+    assert np.abs(system.difference(run.x[-1], found.x[-1])).max() < 1e-4

@@ -10,7 +10,8 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics import Mechanism, MidpointVI, SimulationStatus, rz, tx, ty
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.legendre import legendre_jacobian, to_momentum, to_velocity
-from leastaction.mechanics.continuous.signals import Feedback, PrescribedMotion
+from leastaction.mechanics.continuous.prescribed import PrescribedMotion
+from leastaction.mechanics.continuous.signals import Feedback
 from leastaction.mechanics.continuous.simulation import simulate
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, IntegrationStatus
 from leastaction.mechanics.conversion import (

@@ -9,7 +9,8 @@ from scipy.interpolate import CubicSpline
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import Damping, JointForce, Mechanism, rz, tx, ty
 from leastaction.mechanics.continuous.events import Event
-from leastaction.mechanics.continuous.signals import Feedback, PrescribedMotion
+from leastaction.mechanics.continuous.prescribed import PrescribedMotion
+from leastaction.mechanics.continuous.signals import Feedback
 from leastaction.mechanics.continuous.simulation import simulate
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, IntegrationStatus
 from leastaction.numerics.piecewise import PiecewisePolynomial

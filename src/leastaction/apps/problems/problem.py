@@ -172,7 +172,7 @@ def _start(part: Any, model: Model) -> State:
     vi = MidpointVI(m)
     if m.nc:
         q = project_configuration(m, q, hold=part.hold, move_kinematic=True, attempts=10).q
-        v = project_velocity(m, q, v).v if v.any() else v
+        v = project_velocity(m, q, v).v
     return vi.start(q, v)
 
 

@@ -46,7 +46,7 @@ def roll_out(system: DiscreteSystem) -> Callable[[Any, Any], Any]:
             x = batched.states(array(x0), array(u))
             ctx.motion = x, array(u)
             ctx.kinds = x0, u
-            return torch.as_tensor(x).to(u)
+            return torch.tensor(x).to(u)
 
         @staticmethod
         def backward(ctx: Any, weight: Any) -> Any:

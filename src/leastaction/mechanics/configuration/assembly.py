@@ -15,7 +15,7 @@ from leastaction.mechanics.configuration.null_space import Indices, free_variabl
 from leastaction.mechanics.mechanism.arguments import rates, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.turns import difference
-from leastaction.numerics.arrays import Array, as_array, as_count, as_number, require_instance
+from leastaction.numerics.arrays import Array, Row, as_array, as_count, as_number, require_instance
 from leastaction.numerics.public import public
 
 CONFIGURATION_TOLERANCE = 1e-8  # distance from a constraint, in units of q
@@ -63,7 +63,7 @@ class VelocityProjection:
     largest : float
         Largest magnitude among the changes.
     residuals : dict of str to float
-        Dh(q) v by constraint name.
+        Rates of the constraints, Dh(q) v, by name.
     """
 
     v: Array
@@ -73,7 +73,7 @@ class VelocityProjection:
 
 
 @public
-def check_consistent(mechanism: Mechanism, q: ArrayLike, *, tolerance: float = CONFIGURATION_TOLERANCE) -> None:
+def check_consistent(mechanism: Mechanism, q: Row, *, tolerance: float = CONFIGURATION_TOLERANCE) -> None:
     """Raise unless a configuration satisfies the constraints.
 
     Parameters
@@ -130,9 +130,8 @@ def check_velocity(mechanism: Mechanism, q: Array, v: Array, *, instead: str = "
     """Raise an `InconsistentStartError` unless a velocity keeps the constraints; ``instead``: what else may be done."""
     if mechanism.nc == 0:
         return
-    jacobian = mechanism.constraint_jacobian(q)
-    rate = jacobian @ v
-    size = np.abs(jacobian) @ np.abs(v)
+    rate = mechanism.constraint_rates(q, v)
+    size = np.abs(mechanism.constraint_jacobian(q)) @ np.abs(v)
     if not np.all(np.abs(rate) <= VELOCITY_TOLERANCE * np.maximum(1.0, size)):
         residuals = worst_first(dict(zip(mechanism.constraints, rate, strict=True)))
         name, value = next(iter(residuals.items()))
@@ -146,7 +145,7 @@ def check_velocity(mechanism: Mechanism, q: Array, v: Array, *, instead: str = "
 @public
 def project_configuration(
     mechanism: Mechanism,
-    q: ArrayLike,
+    q: Row,
     *,
     hold: Sequence[str] = (),
     move_kinematic: bool = False,
@@ -225,8 +224,8 @@ def project_configuration(
 @public
 def project_velocity(
     mechanism: Mechanism,
-    q: ArrayLike,
-    v: ArrayLike,
+    q: Row,
+    v: Row,
     *,
     hold: Sequence[str] = (),
     move_kinematic: bool = False,
@@ -234,6 +233,8 @@ def project_velocity(
     tolerance: float = 1e-10,
 ) -> VelocityProjection:
     """Return the velocity nearest to a given one that keeps the constraints: ``Dh(q) v = 0``.
+
+    Where constraints change with the time, ``Dh v + dh/dt = 0``, of `Mechanism.at_time`.
 
     Parameters
     ----------
@@ -265,12 +266,12 @@ def project_velocity(
     if mechanism.nc and len(free) and np.isfinite(jacobian).all():
         # Twice: the second pass removes the rounding that the first leaves.
         for _ in range(2):
-            rate = jacobian @ result
+            rate = mechanism.constraint_rates(q, result)
             if not np.isfinite(rate).all():
                 break
             result[free] += restoring(jacobian[:, free] / root, rate) / root
     with np.errstate(over="ignore", invalid="ignore"):
-        rate = jacobian @ result
+        rate = mechanism.constraint_rates(q, result)
         limits = tolerance * row_scales(jacobian) * max(1.0, float(np.linalg.norm(result)))
     residuals = dict(zip(mechanism.constraints, (float(r) for r in rate), strict=True))
     if not np.all(np.abs(rate) <= limits):

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from leastaction.errors import ContradictoryConstraintsError, worst_first
 from leastaction.mechanics.configuration.constraint_projection import ConstraintProjection
 from leastaction.mechanics.configuration.null_space import free_variables, row_scales
 from leastaction.mechanics.mechanism.arguments import single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_number, require_instance
+from leastaction.numerics.arrays import Array, Row, as_number, require_instance
 from leastaction.numerics.public import public
 
 # Part of the largest that counts as a part in a contradiction.
@@ -59,7 +58,7 @@ class Contradiction:
 @public
 def find_contradiction(
     mechanism: Mechanism,
-    q: ArrayLike,
+    q: Row,
     *,
     hold: Sequence[str] = (),
     move_kinematic: bool = False,

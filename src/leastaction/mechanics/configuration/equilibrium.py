@@ -35,7 +35,7 @@ from leastaction.mechanics.configuration.null_space import (
 from leastaction.mechanics.mechanism.arguments import inputs_of, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.turns import difference, moved_by
-from leastaction.numerics.arrays import Array, as_choice, as_count, as_number, require_instance
+from leastaction.numerics.arrays import Array, Row, as_choice, as_count, as_number, require_instance
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.public import public
 
@@ -108,7 +108,7 @@ class Equilibrium(Frozen):
 @public
 def equilibrium(
     mechanism: Mechanism,
-    q_guess: ArrayLike,
+    q_guess: Row,
     *,
     hold: Sequence[str] = (),
     inputs: ArrayLike | None = None,

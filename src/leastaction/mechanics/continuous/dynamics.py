@@ -19,9 +19,9 @@ from numpy.typing import ArrayLike
 from leastaction import _core
 from leastaction.errors import ArgumentError, DynamicsError
 from leastaction.mechanics.continuous.acceleration import AccelerationDerivatives, Accelerations, AccelerationTensors
-from leastaction.mechanics.mechanism.arguments import configuration_on, none_prescribed_as_quaternion
+from leastaction.mechanics.mechanism.arguments import configuration_on
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_count, as_number, require_instance, shape_of
+from leastaction.numerics.arrays import Array, Row, as_array, as_count, as_number, require_instance, shape_of
 from leastaction.numerics.memory import MAX_BYTES, check_memory
 from leastaction.numerics.public import public
 
@@ -62,7 +62,6 @@ class ContinuousDynamics:
         threads: int = 0,
     ) -> None:
         require_instance(mechanism, "mechanism", Mechanism)
-        none_prescribed_as_quaternion(mechanism, "ContinuousDynamics")
         self.constraint_damping = as_number(constraint_damping, "constraint_damping", least=0.0)
         self.constraint_stiffness = as_number(constraint_stiffness, "constraint_stiffness", least=0.0)
         self.mechanism = mechanism
@@ -75,7 +74,7 @@ class ContinuousDynamics:
         return partial(ContinuousDynamics, self.mechanism, **settings), ()
 
     def accelerations(
-        self, q: ArrayLike, v: ArrayLike, u: ArrayLike | None = None, rho_a: ArrayLike | None = None, t: ArrayLike = 0.0
+        self, q: Row, v: Row, u: ArrayLike | None = None, rho_a: ArrayLike | None = None, t: ArrayLike = 0.0
     ) -> Accelerations:
         """Return the accelerations and multipliers.
 
@@ -104,8 +103,8 @@ class ContinuousDynamics:
 
     def inverse_dynamics(
         self,
-        q: ArrayLike,
-        v: ArrayLike,
+        q: Row,
+        v: Row,
         a: ArrayLike,
         lam: ArrayLike | None = None,
         *,
@@ -141,7 +140,7 @@ class ContinuousDynamics:
         )
 
     def linearize(
-        self, q: ArrayLike, v: ArrayLike, u: ArrayLike | None = None, rho_a: ArrayLike | None = None, t: ArrayLike = 0.0
+        self, q: Row, v: Row, u: ArrayLike | None = None, rho_a: ArrayLike | None = None, t: ArrayLike = 0.0
     ) -> AccelerationDerivatives:
         """Return the first derivatives; arguments and errors as of `accelerations`.
 
@@ -156,8 +155,8 @@ class ContinuousDynamics:
 
     def curvature(
         self,
-        q: ArrayLike,
-        v: ArrayLike,
+        q: Row,
+        v: Row,
         u: ArrayLike | None = None,
         rho_a: ArrayLike | None = None,
         t: ArrayLike = 0.0,
@@ -196,8 +195,8 @@ class ContinuousDynamics:
 
     def tensors(
         self,
-        q: ArrayLike,
-        v: ArrayLike,
+        q: Row,
+        v: Row,
         u: ArrayLike | None = None,
         rho_a: ArrayLike | None = None,
         t: float = 0.0,
@@ -221,8 +220,8 @@ class ContinuousDynamics:
 
     def _points(
         self,
-        q: ArrayLike,
-        v: ArrayLike,
+        q: Row,
+        v: Row,
         u: ArrayLike | None,
         rho_a: ArrayLike | None,
         t: ArrayLike,
@@ -280,7 +279,7 @@ class _Points:
         self.arrays: tuple[Array, Array, Array, Array]
         self.t: Array
 
-    def rows(self, value: ArrayLike | None, what: str, names: tuple[str, ...]) -> Array:
+    def rows(self, value: Row | None, what: str, names: tuple[str, ...]) -> Array:
         """Return one row for every point: zero if not given, the same for all if given once."""
         n = len(names)
         if value is None:

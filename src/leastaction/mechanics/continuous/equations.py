@@ -9,10 +9,11 @@ import numpy as np
 
 from leastaction.errors import DynamicsError
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
-from leastaction.mechanics.continuous.signals import PrescribedMotion, WholeInput, motion_at
+from leastaction.mechanics.continuous.prescribed import Prescribed
+from leastaction.mechanics.continuous.signals import WholeInput
 from leastaction.mechanics.continuous.stabilisation import ConstraintLost, Projection, project
 from leastaction.mechanics.mechanism.kinematics import Kinematics
-from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.arrays import Array
 
 
 class Equations:
@@ -29,7 +30,7 @@ class Equations:
         self,
         dynamics: ContinuousDynamics,
         law: WholeInput,
-        motion: PrescribedMotion | None,
+        motion: Prescribed | None,
         projection: Projection | None,
     ) -> None:
         self.dynamics = dynamics
@@ -64,8 +65,7 @@ class Equations:
         if self.motion is None:
             return x
         x = x.copy()
-        value, velocity = motion_at(self.motion, t, m.kinematic)
-        x[m.first_rho : m.nq], x[m.nq + m.nd :] = value, velocity
+        x[m.first_rho : m.nq], x[m.nq + m.nd :] = self.motion.at(t)
         return x
 
     def input(self, t: float, x: Array) -> Array:
@@ -73,11 +73,7 @@ class Equations:
         u = self.law.value(t, x)
         if self.motion is None:
             return u
-        names = self.mechanism.kinematic
-        acceleration = as_array(
-            self.motion.acceleration(t), f"the acceleration of rho({t:g})", (len(names),), names=names
-        )
-        return np.concatenate([u, acceleration])
+        return np.concatenate([u, self.motion.acceleration(t)])
 
     def solve(self, t: float, x: Array, u: Array) -> tuple[Array, Array]:
         """Return the accelerations (nq,) and the multipliers (nc,) at a time, a state and an input."""
@@ -153,7 +149,7 @@ class Equations:
             raise ConstraintLost("the state is not finite")
         m = self.mechanism
         try:
-            q, v = project(m, x[: m.nq], x[m.nq :], self.projection.tolerance)
+            q, v = project(m.at_time(t), x[: m.nq], x[m.nq :], self.projection.tolerance)
         except np.linalg.LinAlgError as error:
             raise ConstraintLost(f"the constraints cannot be held: {error}") from None
         return np.concatenate([q, v])

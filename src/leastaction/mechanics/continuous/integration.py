@@ -54,7 +54,7 @@ class Progress:
         self.x.append(x)
         self.reached, self.state = t, x
         self.worst = np.zeros((4, self.equations.mechanism.nc))
-        self._measure(x, x)
+        self._measure(t, x, x)
         for event in self.events:
             event.last = event.evaluate(t, x)
 
@@ -106,7 +106,7 @@ class Progress:
         if self.keep and piece is not None:
             self.pieces.append(piece)
         self.reached, self.state = end, x_end
-        self._measure(e.state(step.end, step.raw), step.y)
+        self._measure(step.end, e.state(step.end, step.raw), step.y)
 
     def _take_events(self, crossed: Sequence[Watched], piece: Interpolant, x_end: Array) -> tuple[float, Array]:
         """Record the events of a step in the order of time, up to one that ends the simulation."""
@@ -129,8 +129,8 @@ class Progress:
                 return t, x
         return piece.end, x_end
 
-    def _measure(self, raw: Array, x: Array) -> None:
-        m = self.equations.mechanism
+    def _measure(self, t: float, raw: Array, x: Array) -> None:
+        m = self.equations.mechanism.at_time(t)
         if not m.nc:
             return
         after = rates(m, x[: m.nq], x[m.nq :])

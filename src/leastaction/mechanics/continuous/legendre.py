@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.continuous.stabilisation import ConstraintMetric
 from leastaction.mechanics.mechanism.arguments import configuration_on
-from leastaction.mechanics.mechanism.kinematics import Kinematics
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.turns import momentum_derivatives
 from leastaction.numerics.arrays import Array, as_array, as_flag, require_instance, shape_of
 from leastaction.numerics.public import public
 
@@ -43,7 +43,13 @@ def to_momentum(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> Array:
 
 @public
 def to_velocity(
-    mechanism: Mechanism, q: ArrayLike, p: ArrayLike, v_rho: ArrayLike | None = None, *, keep_constraints: bool = False
+    mechanism: Mechanism,
+    q: ArrayLike,
+    p: ArrayLike,
+    v_rho: ArrayLike | None = None,
+    *,
+    keep_constraints: bool = False,
+    t: ArrayLike | None = None,
 ) -> Array:
     """Return the velocities that belong to momenta: ``v_d = M_dd^-1 (p - M_dk v_rho)``, then v_rho.
 
@@ -58,7 +64,9 @@ def to_velocity(
         Velocities of the kinematic variables; zero if not given.
     keep_constraints : bool, optional
         Leave out the part that the constraints stop, as they do with a discrete momentum: the nearest velocity
-        with ``Dh v = 0`` in the metric of the mass matrix.
+        with ``Dh v = 0`` in the metric of the mass matrix, or ``Dh v + dh/dt = 0``.
+    t : array_like, shape () or (N,), optional
+        Times (s), where constraints change with the time; those of `Mechanism.at_time` if not given.
 
     Returns
     -------
@@ -80,9 +88,10 @@ def to_velocity(
     if not m.core.velocities(configuration_on(m, qs, "q"), ps, rhos[0] if rhos else None, v):
         raise ArgumentError(_SINGULAR)
     if keep_constraints and m.nc:
-        for row, at in zip(v, qs, strict=True):
-            metric = ConstraintMetric(m, at)
-            row[:nd] -= metric.change(metric.jacobian @ row)
+        times = np.broadcast_to(m.time if t is None else as_array(t, "t", (), (len(qs),)), len(qs))
+        for row, at, when in zip(v, qs, times, strict=True):
+            then = m.at_time(when)
+            row[:nd] -= ConstraintMetric(then, at).change(then.constraint_rates(at, row))
     return v[0] if single else v
 
 
@@ -106,30 +115,10 @@ def legendre_jacobian(mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> Array
     m, nd, nv = mechanism, mechanism.nd, mechanism.nv
     single, (qs, vs) = _rows(m, {"q": (q, m.nq), "v": (v, nv)})
     T = np.tile(np.eye(2 * nv), (len(qs), 1, 1))
-    turns = Kinematics(m).turns
     qs = configuration_on(m, qs, "q")
     for block, at, speed in zip(T, qs, vs, strict=True):
-        _, L_vq, L_vv = m.core.hessian(at, speed)
-        block[nv : nv + nd, :nv] = L_vq[:nd]
-        block[nv : nv + nd, nv:] = L_vv[:nd]
-        p = L_vv @ speed
-        for _, by in turns:
-            # The core's coordinates of a ball are angles (cpp/continuous/turned.hpp): rates and momenta turn with them.
-            here = slice(by, by + 3)
-            block[nv : nv + nd, here] -= L_vv[:nd, here] @ _turned_rates(speed[here])
-            if by < nd:
-                block[nv + by : nv + by + 3, here] -= _turned_momenta(p[here])
+        block[nv : nv + nd, :nv], block[nv : nv + nd, nv:] = momentum_derivatives(m, at, speed)
     return T[0] if single else T
-
-
-def _turned_rates(w: Array) -> Array:
-    """Return the matrix (3, 3) of turns d in ``C(d, w)`` = (d3 w2, -d3 w1, d2 w1)."""
-    return np.array([[0.0, 0.0, w[1]], [0.0, 0.0, -w[0]], [0.0, w[0], 0.0]])
-
-
-def _turned_momenta(p: Array) -> Array:
-    """Return the matrix (3, 3) of turns d in the vector c with ``c . n = p . C(d, n)``."""
-    return np.array([[0.0, p[2], -p[1]], [0.0, 0.0, p[0]], [0.0, 0.0, 0.0]])
 
 
 def _rows(m: Mechanism, given: dict[str, tuple[ArrayLike, int]]) -> tuple[bool, list[Array]]:

@@ -117,7 +117,7 @@ def balance(equations: Equations, pieces: Sequence[Interpolant], end: float) -> 
         fastest = max(fastest, 1.0 + float(np.abs(rates).max()))
     lost = work - np.diff(energy.total)
     k = int(np.argmax(np.abs(lost)))
-    crossed = t[1:][crossings(m, x[:, : m.nq])]
+    crossed = t[1:][crossings(m, t, x[:, : m.nq])]
     scale = float(np.max(energy.kinetic) + np.ptp(energy.total))
     # The power is a difference of energies over a short way.
     largest = float(np.max(energy.kinetic + np.abs(energy.potential)))
@@ -138,9 +138,9 @@ class Passages:
         self.allowed = max(_PASSAGE_LOST, _PASSAGE_TOLERANCES * rtol)
         self.rank, self.typical, self.scale = 0, 0.0, 0.0
 
-    def is_near(self, x: Array) -> bool:
+    def is_near(self, t: float, x: Array) -> bool:
         """Whether constraints are about to lose rank, by the least of their singular values against its largest."""
-        m = self.equations.mechanism
+        m = self.equations.mechanism.at_time(t)
         sizes = np.linalg.svd(m.constraint_jacobian(x[: m.nq])[:, : m.nd], compute_uv=False)
         rank = int(np.sum(sizes > _RANK * sizes.max(initial=0.0)))
         if rank > self.rank:
@@ -182,12 +182,12 @@ def _power(m: Mechanism, t: Array, x: Array, rate: Array) -> Array:
     return np.asarray((ahead - behind) / (2.0 * size))
 
 
-def crossings(m: Mechanism, q: Array) -> Array:
-    """Return between which configurations (N+1, nq) the constraints lost rank, a mask (N,)."""
+def crossings(m: Mechanism, t: Array, q: Array) -> Array:
+    """Return between which configurations (N+1, nq) at times (N+1,) the constraints lost rank, a mask (N,)."""
     crossed = np.zeros(len(q) - 1, dtype=bool)
     if not m.nc:
         return crossed
-    gradients = [m.constraint_jacobian(row)[:, : m.nd] for row in q]
+    gradients = [m.at_time(when).constraint_jacobian(row)[:, : m.nd] for when, row in zip(t, q, strict=True)]
     for k, (before, after) in enumerate(itertools.pairwise(gradients)):
         if np.linalg.matrix_rank(before) < m.nc:
             continue  # redundant equations, or a start in such a configuration

@@ -1,4 +1,4 @@
-"""Inputs and prescribed motions as functions of time and state, for a simulation in continuous time."""
+"""Inputs as functions of time and state, for a simulation in continuous time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, as_array, as_count, as_times, shape_of
+from leastaction.numerics.arrays import Array, as_array, shape_of
 from leastaction.numerics.frozen import own_arrays, restore_state, saved_state
 from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.numerics.public import public
@@ -20,60 +20,6 @@ from leastaction.numerics.time_functions import TimeFunction
 
 ContinuousSignal = ArrayLike | PiecewisePolynomial | Callable[[float], ArrayLike] | StateLaw | None
 """A constant, one row an instant, one row an interval, a function of time, one of time and state, or nothing."""
-
-_AGREE = 1e-6  # by how much a start may be off a prescribed motion, relative to its size (at least 1)
-
-
-@public
-@dataclass(frozen=True)
-class PrescribedMotion:
-    """A twice differentiable motion of the kinematic variables.
-
-    Frozen: threads may share it where they may share its functions.
-
-    Attributes
-    ----------
-    value, velocity, acceleration : callable
-        Functions of time that return arrays (nrho,): the kinematic variables (m or rad), and their first and
-        second derivatives.
-    """
-
-    value: Callable[[float], ArrayLike]
-    velocity: Callable[[float], ArrayLike]
-    acceleration: Callable[[float], ArrayLike]
-
-    @classmethod
-    def from_spline(cls, spline: Any) -> PrescribedMotion:
-        """Return a motion along a spline of SciPy, or anything else with ``derivative(order)``."""
-        if not callable(spline) or not callable(getattr(spline, "derivative", None)):
-            raise ArgumentError(
-                f"spline: got {type(spline).__name__}, expected a spline, with a method derivative(order)"
-            )
-        return cls(spline, spline.derivative(1), spline.derivative(2))
-
-    @classmethod
-    def through(cls, t: ArrayLike, rho: ArrayLike, *, degree: int = 5) -> PrescribedMotion:
-        """Return the interpolating spline through rows of kinematic variables.
-
-        Parameters
-        ----------
-        t : array_like, shape (N+1,)
-            Times (s), increasing.
-        rho : array_like, shape (N+1, nrho)
-            Kinematic variables at these times (m or rad).
-        degree : int, optional
-            Degree of the spline, 3 or 5; cubic, and through two or three rows a line or a parabola, where there
-            are too few rows for more.
-        """
-        times = as_times(t)
-        if as_count(degree, "degree", 3) not in (3, 5):
-            raise ArgumentError(f"degree: got {degree!r}, expected 3 or 5")
-        rows = as_array(rho, "rho", (len(times), None))
-        enough = degree == 5 and len(times) > 5
-        from scipy.interpolate import CubicSpline, make_interp_spline  # slow to import
-
-        spline = make_interp_spline(times, rows, k=5) if enough else CubicSpline(times, rows)
-        return cls.from_spline(spline)
 
 
 @public
@@ -228,40 +174,6 @@ class WholeInput:
             np.zeros((part.n, len(x))) if block is None else block
             for part, block in zip(self.parts, blocks, strict=True)
         ])  # fmt: skip
-
-
-def as_motion(rho: object, times: Array, names: Sequence[str]) -> PrescribedMotion:
-    """Return a prescribed motion from what a user gives: one, a spline, or rows at the instants."""
-    if isinstance(rho, PrescribedMotion):
-        return rho
-    if callable(rho) and callable(getattr(rho, "derivative", None)):
-        return PrescribedMotion.from_spline(rho)
-    if callable(rho):
-        raise ArgumentError(
-            f"rho: got the function {rho!r}, which says nothing of its derivatives; give a PrescribedMotion "
-            "of value, velocity and acceleration, a spline of SciPy, rows at the instants, or accelerations "
-            "as rho_a="
-        )
-    rows = as_array(rho, "rho", (len(times), len(names)), names=names)
-    return PrescribedMotion.through(times, rows)
-
-
-def motion_at(motion: PrescribedMotion, t: float, names: Sequence[str]) -> tuple[Array, Array]:
-    """Return the value and the velocity (nrho,) of a prescribed motion."""
-    n = len(names)
-    value = as_array(motion.value(t), f"rho({t:g})", (n,), names=names)
-    return value, as_array(motion.velocity(t), f"the velocity of rho({t:g})", (n,), names=names)
-
-
-def check_start(given: Array, wanted: Array, names: Sequence[str], what: str) -> None:
-    """Raise unless a start agrees with a prescribed motion."""
-    off = np.abs(given - wanted) / np.maximum(1.0, np.abs(wanted))
-    if np.any(off > _AGREE):
-        i = int(np.argmax(off))
-        raise ArgumentError(
-            f"{what}: the start has {names[i]!r} at {given[i]:.6g}, but the prescribed motion has it at "
-            f"{wanted[i]:.6g}; they must agree"
-        )
 
 
 def _at(part: Any, t: float) -> Array:

@@ -17,21 +17,18 @@ from leastaction.mechanics.continuous.events import Event, EventRecord, watch
 from leastaction.mechanics.continuous.integration import Progress
 from leastaction.mechanics.continuous.monitoring import Passages, tell
 from leastaction.mechanics.continuous.monitoring import balance as energy_balance
+from leastaction.mechanics.continuous.prescribed import Prescribed, PrescribedMotion, as_prescribed
 from leastaction.mechanics.continuous.signals import (
     ContinuousSignal,
     InputLaw,
-    PrescribedMotion,
     WholeInput,
-    as_motion,
-    check_start,
-    motion_at,
 )
 from leastaction.mechanics.continuous.stabilisation import Baumgarte, Projection, as_handling, check_start_consistent
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, DenseOutput, IntegrationStatus
-from leastaction.mechanics.mechanism.arguments import configuration_on
+from leastaction.mechanics.mechanism.arguments import rates, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
-from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, shape_of
+from leastaction.numerics.arrays import Array, Row, as_array, as_count, as_number, as_times, shape_of
 from leastaction.numerics.ode import SOLVERS, March, Passage
 from leastaction.numerics.public import public
 from leastaction.numerics.signals import StateLaw
@@ -43,8 +40,8 @@ _SHORTEST = 1e-9  # of the whole time: shorter steps never end
 @public
 def simulate(
     dynamics: ContinuousDynamics | Mechanism,
-    q0: ArrayLike,
-    v0: ArrayLike | None,
+    q0: Row,
+    v0: Row | None,
     t: ArrayLike,
     *,
     inputs: ContinuousSignal = None,
@@ -82,9 +79,9 @@ def simulate(
         (N, n_inputs), each held from one instant to the next, at whose jumps the solver stops; a
         `PiecewisePolynomial`, likewise; a function ``(t) -> (n_inputs,)``; or one ``(t, x) -> (n_inputs,)``, which may
         have a ``jacobian(t, x) -> (n_inputs, nx)`` for implicit methods, such as `Feedback`. Zero if not given.
-    rho : PrescribedMotion, spline of SciPy, or array_like of shape (N+1, nrho), optional
-        Motion of the kinematic variables, twice differentiable; through rows a quintic spline is laid. It is kept
-        exactly.
+    rho : PrescribedMotion, spline of SciPy, or array_like of shape (N+1, nq - first_rho), optional
+        Motion of the kinematic coordinates, twice differentiable; through rows a quintic spline is laid. It is kept
+        exactly. A rotation that is a quaternion has its four numbers, whose length says nothing, but in rows.
     rho_a : array_like or callable, optional
         Accelerations of the kinematic variables instead, in the forms of `inputs`; rho and v_rho are integrated.
         Zero if neither is given: they go on at the velocity of the start.
@@ -140,7 +137,7 @@ def simulate(
     motion = _motion(m, rho, rho_a, u, inputs, times)
     x0 = _start(m, q0, v0, motion, float(times[0]))
     if not isinstance(handling, Baumgarte):
-        check_start_consistent(m, x0[: m.nq], x0[m.nq :])
+        check_start_consistent(m.at_time(times[0]), x0[: m.nq], x0[m.nq :])
     watched = watch(events or {}, m)
     options = _options(m, method, rtol, atol, max_step, first_step, float(times[-1] - times[0]))
     seconds = None if max_seconds is None else as_number(max_seconds, "max_seconds", above=0.0)
@@ -200,9 +197,7 @@ def simulate(
     return replace(result, status=status, message=message, balance=balance, warnings=told)
 
 
-def _motion(
-    m: Mechanism, rho: object, rho_a: object, u: object, inputs: object, times: Array
-) -> PrescribedMotion | None:
+def _motion(m: Mechanism, rho: object, rho_a: object, u: object, inputs: object, times: Array) -> Prescribed | None:
     given = {"rho": rho, "rho_a": rho_a, "u": u, "inputs": inputs}
     named = [name for name, value in given.items() if value is not None]
     if u is not None and len(named) > 1:
@@ -216,19 +211,15 @@ def _motion(
             f"u: got {type(u).__name__}, expected a function (t, x) -> [inputs; rho_a]; give arrays as inputs= and "
             "rho_a="
         )
-    return None if rho is None else as_motion(rho, times, m.kinematic)
+    return None if rho is None else as_prescribed(m, rho, times)
 
 
-def _start(m: Mechanism, q0: object, v0: object, motion: PrescribedMotion | None, t0: float) -> Array:
+def _start(m: Mechanism, q0: Row, v0: Row | None, motion: Prescribed | None, t0: float) -> Array:
     """Return the state at the start, on the prescribed motion."""
-    q = configuration_on(m, as_array(q0, "q0", (m.nq,), names=m.coordinates).copy(), "q0")
-    v = np.zeros(m.nv) if v0 is None else as_array(v0, "v0", (m.nv,), names=m.variables).copy()
+    q = single(m, q0, "q0").copy()
+    v = np.zeros(m.nv) if v0 is None else rates(m, v0, "v0").copy()
     if motion is not None:
-        value, velocity = motion_at(motion, t0, m.kinematic)
-        check_start(q[m.nq - m.nrho :], value, m.kinematic, "q0")
-        if v0 is not None:
-            check_start(v[m.nd :], velocity, m.kinematic, "v0")
-        q[m.nq - m.nrho :], v[m.nd :] = value, velocity
+        q, v = motion.start(q, v, t0, at_rest=v0 is None)
     return np.concatenate([q, v])
 
 
@@ -237,7 +228,7 @@ def _law(
     inputs: ContinuousSignal,
     rho_a: ContinuousSignal,
     u: StateLaw | None,
-    motion: PrescribedMotion | None,
+    motion: Prescribed | None,
     times: Array,
 ) -> WholeInput:
     accelerations = [f"acceleration of {name}" for name in m.kinematic]

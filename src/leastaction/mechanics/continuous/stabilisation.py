@@ -182,8 +182,8 @@ def _inverse_root(matrix: Array) -> Array:
 
 
 def rates(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return h and Dh v, each (nc,)."""
-    return np.asarray(mechanism.core.constraints(q)), _jacobian(mechanism, q) @ v
+    """Return h and its rate, each (nc,)."""
+    return np.asarray(mechanism.core.constraints(q)), mechanism.constraint_rates(q, v)
 
 
 def _jacobian(mechanism: Mechanism, q: Array) -> Array:
@@ -224,8 +224,7 @@ def project(mechanism: Mechanism, q: Array, v: Array, tolerance: float) -> tuple
     if np.any(off):
         i = int(np.argmax(np.where(off, np.abs(h) / scales, 0.0)))
         raise ConstraintLost(f"the constraints cannot be held: {mechanism.constraints[i]!r} is off by {h[i]:.3g}")
-    jacobian = _jacobian(mechanism, q)
     # Twice: the second pass removes what rounding and the metric leave.
     for _ in range(2):
-        v[:nd] -= metric.change(jacobian @ v)
+        v[:nd] -= metric.change(mechanism.constraint_rates(q, v))
     return q, v

@@ -20,7 +20,9 @@ from leastaction.numerics.warn import warn
 
 # Part of the largest kinetic energy that may come or go, and of the work that was done.
 _LOST, _LOST_OF_WORK = 0.01, 0.002
-_WINDOW = 11  # steps: a median of so many passes over what swings from step to step
+# Steps of which a median passes over what swings from one to the next, and how often the allowed it may be off: more,
+# where a linkage whips through a narrow place and it is gone after a few steps.
+_LASTING, _PASSING = (11, 1.0), (5, 2.0)
 _ROUNDING = 1e-12  # of the sizes of all terms
 
 
@@ -36,7 +38,8 @@ class DiscreteBalance(Frozen):
     scale : float
         The largest kinetic energy (J), to compare with.
     allowed : float
-        What energy may be off before it is told (J): 1 % of the scale, 0.2 % of the work, and rounding.
+        What energy may be off before it is told (J): 1 % of the scale, 0.2 % of the work, and rounding; over less than
+        six steps twice of that, over less than three whatever it is, which `swing` has.
     swing : float
         The largest residual less the least (J).
     residual : ndarray, shape (N,)
@@ -59,9 +62,12 @@ class DiscreteBalance(Frozen):
     @property
     def off(self) -> Array:
         """How far the energy was off (J), medians of eleven neighbouring steps against the first such median."""
+        return self._medians(_LASTING[0])
+
+    def _medians(self, steps: int) -> Array:
         if not len(self.residual):
             return np.zeros(0)
-        window = min(_WINDOW, len(self.residual))
+        window = min(steps, len(self.residual))
         medians = np.median(np.lib.stride_tricks.sliding_window_view(self.residual, window), axis=1)
         return np.asarray(medians - medians[0])
 
@@ -70,9 +76,12 @@ class DiscreteBalance(Frozen):
         """What there is to complain about; empty where energy and work balance."""
         if not self.swing > self.allowed:
             return ""
-        off = self.off
-        too_far = np.abs(off) > self.allowed
-        if not np.any(too_far):
+        for steps, times in (_LASTING, _PASSING):
+            off = self._medians(steps)
+            too_far = np.abs(off) > times * self.allowed
+            if np.any(too_far):
+                break
+        else:
             return ""
         k, worst = int(np.argmax(too_far)), float(off[np.argmax(np.abs(off))])
         at = k + (len(self.residual) - len(off)) // 2

@@ -5,24 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from leastaction.mechanics.configuration.assembly import check_consistent
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.sensitivity import start_by
-from leastaction.mechanics.mechanism.arguments import angles_only
+from leastaction.mechanics.mechanism.arguments import single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, require_instance
+from leastaction.numerics.arrays import Array, Row, require_instance
 from leastaction.numerics.names import as_names
 from leastaction.numerics.public import public
 
 
 @public
-def configuration_by(mechanism: Mechanism, q: ArrayLike, names: Sequence[str], *, hold: Sequence[str] = ()) -> Array:
-    """Return the derivatives (nq, len(names)) of an assembled configuration by parameters.
+def configuration_by(mechanism: Mechanism, q: Row, names: Sequence[str], *, hold: Sequence[str] = ()) -> Array:
+    """Return the derivatives (nv, len(names)) of an assembled configuration by parameters.
 
     As `project_configuration` closes the constraints again from q when a length changes a little: the variables
-    change by as little as they have to. Kinematic variables stay.
+    change by as little as they have to, quaternions by turns in their own axes. Kinematic variables stay.
 
     Parameters
     ----------
@@ -43,13 +42,12 @@ def configuration_by(mechanism: Mechanism, q: ArrayLike, names: Sequence[str], *
     """
     require_instance(mechanism, "mechanism", Mechanism)
     m = mechanism
-    angles_only(m, "configuration_by")
-    place = as_array(q, "q", (m.nq,), names=m.variables)
+    place = single(m, q)
     check_consistent(m, place)
     held = as_names(hold, "hold", "variables")
     wanted = as_names(names, "names", "parameters")
     m.parameter_places(m.members_of(wanted)[0])
-    out = np.zeros((m.nq, len(wanted)))
+    out = np.zeros((m.nv, len(wanted)))
     if m.nc and wanted:
         out[: m.nd] = start_by(MidpointVI(m, threads=1), place, wanted, held)
     return out

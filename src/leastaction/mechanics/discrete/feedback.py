@@ -5,6 +5,7 @@ midpoint a step from q1 to q2 has::
 
     q = (q1 + q2)/2,   v = (q2 - q1)/dt,   p = dL/dv(q, v)
 
+(halfway of a rotation that is a quaternion, with the angular velocity that leads there evenly)
 and its input solves ``u = law(t + dt/2, [q; rho; p; v_rho])``, where q2 depends on u. That is solved by Newton's
 method, with the exact derivative B of the step and the law differentiated along it. Such a closed loop is of second
 order, and a law ``-c v`` is the same as a damper.
@@ -19,6 +20,7 @@ from leastaction.errors import StepError
 from leastaction.mechanics.discrete.derivatives import linearize_arrays
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.trajectory import state_of
+from leastaction.mechanics.mechanism.turns import difference, middles, moved_state
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.numerics.signals import StateLaw
 
@@ -92,8 +94,8 @@ class MidpointLaw:
     def _value(self, t: Array, x: Array, x_next: Array) -> Array:
         """Return what the law gives at the midpoint of a step."""
         m = self.integrator.mechanism
-        q1, q2 = x[: m.nq], x_next[: m.nq]
-        q, v = 0.5 * (q1 + q2), (q2 - q1) / (t[1] - t[0])
+        ends = np.stack([x[: m.nq], x_next[: m.nq]])
+        q, v = middles(m, ends)[0], difference(m, ends[1], ends[0]) / (t[1] - t[0])
         p = np.asarray(m.core.gradient(q, v)[1])[: m.nd]
         return self._at(0.5 * float(t[0] + t[1]), np.concatenate([q, p, v[m.nd :]]))
 
@@ -106,7 +108,7 @@ class MidpointLaw:
         slope = -np.eye(m.n_inputs)
         for j, along in enumerate(B.T):
             # So short a way that the configuration moves by a part of itself at most.
-            size = _PART / max(1.0, float(np.abs(along[: m.nq]).max(initial=0.0)) / (t[1] - t[0]))
-            ahead = self._value(t, x, x_next + size * along)
-            slope[:, j] += (ahead - self._value(t, x, x_next - size * along)) / (2.0 * size)
+            size = _PART / max(1.0, float(np.abs(along[: m.nv]).max(initial=0.0)) / (t[1] - t[0]))
+            ahead = self._value(t, x, moved_state(m, x_next, size * along))
+            slope[:, j] += (ahead - self._value(t, x, moved_state(m, x_next, -size * along))) / (2.0 * size)
         return slope

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.mechanics.discrete.balance import DiscreteBalance, balance_of
 from leastaction.mechanics.discrete.derivatives import check_trajectory
+from leastaction.mechanics.discrete.impulses import impulses_along
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.trajectory import Trajectory
 from leastaction.mechanics.mechanism.arguments import angles_only
@@ -115,7 +116,7 @@ def driving_force(vi: Integrator, trajectory: Trajectory) -> Array:
     -------
     ndarray, shape (N-1, nrho)
         At the instants ``t[1:-1]``, in the order of `Mechanism.kinematic` (N or N m). Besides the forces of
-        elements, and positive where it drives the variable up.
+        elements, and positive where it drives the variable up; of a rotation the torque in the axes behind the joint.
 
     Raises
     ------
@@ -123,23 +124,11 @@ def driving_force(vi: Integrator, trajectory: Trajectory) -> Array:
         For a trajectory of a mechanism with other variables.
     """
     check_trajectory(vi, trajectory)
-    angles_only(vi.mechanism, "driving_force")
-    m, run, shares = vi.mechanism, trajectory, vi.shares
-    dt = np.diff(run.t)
-    middle, rates = (run.q[1:] + run.q[:-1]) / 2.0, np.diff(run.q, axis=0) / dt[:, None]
-    steps = list(zip(middle, rates, run.inputs, 0.5 * (run.t[1:] + run.t[:-1]), strict=True))
-    slopes = [m.core.gradient(q, v, t) for q, v, _, t in steps]
-    L_q, L_v = (np.array([slope[i][m.nd :] for slope in slopes]).reshape(len(dt), m.nrho) for i in (0, 1))
-    f = np.array([m.core.force(q, v, u, t=t)[m.nd :] for q, v, u, t in steps]).reshape(len(dt), m.nrho)
-    h = dt[:, None]
-    before = h * L_q / 2.0 - L_v + shares[0] * h * f  # D1Ld + fd-
-    after = h * L_q / 2.0 + L_v + shares[1] * h * f  # D2Ld + fd+
-    held = np.array(
-        [m.constraint_jacobian(q)[:, m.nd :].T @ lam for q, lam in zip(run.q[:-1], run.lam, strict=True)]
-    ).reshape(len(dt), m.nrho)
-    impulses = -(after[:-1] + before[1:] - held[1:])
-    force: Array = 2.0 * impulses / (h[:-1] + h[1:])
-    return force
+    run = trajectory
+    before, after, held = impulses_along(vi, run.t, run.q, run.inputs, run.lam)
+    dt = np.diff(run.t)[:, None]
+    lacking = (after[:-1] + before[1:] - held[1:])[:, vi.mechanism.nd :]
+    return np.asarray(-2.0 * lacking / (dt[:-1] + dt[1:]))
 
 
 def balance(vi: Integrator, trajectory: Trajectory) -> DiscreteBalance:

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.mechanics.discrete.integrator import Integrator
-from leastaction.mechanics.discrete.prescribed import prescribed_rotations
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.turns import prescribed_rotations
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.public import public
 

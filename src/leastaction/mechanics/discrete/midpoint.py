@@ -53,6 +53,7 @@ from leastaction.mechanics.mechanism.singularity import SingularityWatch
 from leastaction.mechanics.mechanism.turns import differences
 from leastaction.numerics.arrays import (
     Array,
+    Row,
     as_array,
     as_choice,
     as_count,
@@ -145,15 +146,17 @@ class MidpointVI(Integrator):
 
     # Starts
 
-    def start(self, q: ArrayLike, v: ArrayLike | None = None, *, p: ArrayLike | None = None, t: float = 0.0) -> State:
+    def start(self, q: Row, v: Row | None = None, *, p: Row | None = None, t: float = 0.0) -> State:
         """Return the state at a configuration, with a velocity, a momentum, or at rest.
 
         Parameters
         ----------
-        q : array_like, shape (nq,)
-            Configuration; must satisfy the constraints (see `project_configuration`).
-        v : array_like, shape (nv,), optional
-            Velocity; must keep the constraints (see `project_velocity`). The momentum is ``dL/dv``.
+        q : array_like, shape (nq,), or mapping of str to float
+            Configuration; must satisfy the constraints (see `project_configuration`). By name, ``{"hip": 0.3}``, what
+            is not given is zero, and quaternions are of no rotation: as everywhere that one configuration is taken.
+        v : array_like, shape (nv,), or mapping of str to float, optional
+            Velocity, by name ``{"base.wx": 2.0}``; must keep the constraints (see `project_velocity`). The momentum is
+            ``dL/dv``.
         p : array_like, shape (nd,), optional
             Momentum of the dynamic variables, instead of a velocity.
         t : float, optional
@@ -166,7 +169,8 @@ class MidpointVI(Integrator):
         InconsistentStartError
             If q or v violates the constraints; residuals by constraint name.
         """
-        m = self.mechanism
+        when = as_number(t, "t")
+        m = self.mechanism.at_time(when)
         q0 = single(m, q)
         if self.reels:
             check_lengths(m, q0[None, :], np.array([t]))
@@ -176,18 +180,17 @@ class MidpointVI(Integrator):
             if m.nc:
                 check_consistent(m, q0)
             momentum = as_array(p, "p", (m.nd,), names=m.dynamic)
-            return state_of(m, as_number(t, "t"), np.concatenate((q0, momentum, np.zeros(m.nrho))))
+            return state_of(m, when, np.concatenate((q0, momentum, np.zeros(m.nrho))))
         v0 = None if v is None else rates(m, v)
         x = np.empty(m.nx)
-        if not m.core.start(q0, v0, CONFIGURATION_TOLERANCE, VELOCITY_TOLERANCE, x):
+        if not m.core.start(q0, v0, when, CONFIGURATION_TOLERANCE, VELOCITY_TOLERANCE, x):
             check_consistent(m, q0)
-            if v0 is not None:
-                check_velocity(m, q0, v0)
+            check_velocity(m, q0, np.zeros(m.nv) if v0 is None else v0)
             require_finite(x[m.nq :][: m.nd], "momentum", names=m.dynamic)
-        return state_in(m, as_number(t, "t"), x)
+        return state_in(m, when, x)
 
     def start_from_configurations(
-        self, q0: ArrayLike, q1: ArrayLike, dt: float, *, inputs: ArrayLike | None = None, t: float = 0.0
+        self, q0: Row, q1: ArrayLike, dt: float, *, inputs: ArrayLike | None = None, t: float = 0.0
     ) -> State:
         """Return the state at q1 of a motion that went from q0 to q1 in one step.
 
@@ -204,11 +207,10 @@ class MidpointVI(Integrator):
         """
         m = self.mechanism
         first, second = single(m, q0, "q0"), single(m, q1, "q1")
-        for q in (first, second):
-            check_consistent(m, q)
-        h = as_time_step(dt)
+        h, end = as_time_step(dt), as_number(t, "t")
+        for q, when in ((first, end - h), (second, end)):
+            check_consistent(m.at_time(when), q)
         u = inputs_of(m, inputs)
-        end = as_number(t, "t")
         _, p = self.core.momenta(first, second, u, h, h, end - h)
         moved = differences(m, second[None], first[None])[0]
         return State(end, second.copy(), p[: m.nd], moved[m.nd :] / h)

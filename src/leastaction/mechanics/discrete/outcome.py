@@ -42,8 +42,9 @@ def step_error(m: Mechanism, out: _core.RollOut, state: State, given: Array) -> 
         advice = f"Where the prescribed variables go, {found}"
     elif np.all(np.isfinite(state.q)):
         try:
-            check_consistent(m, state.q, tolerance=1e-6)
-            advice = _overdetermined(m, state.q) or advice
+            now = m.at_time(state.t)
+            check_consistent(now, state.q, tolerance=1e-6)
+            advice = _overdetermined(now, state.q) or advice
         except InconsistentStartError as error:
             advice = f"Where the step begins, {error}"
     names = [f"dynamics of {name!r}" for name in m.dynamic]

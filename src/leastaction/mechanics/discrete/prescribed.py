@@ -8,25 +8,17 @@ A rotation that is a quaternion is prescribed as a curve of quaternions, and a s
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from leastaction.mechanics.description.tree import BallRotation
 from leastaction.mechanics.mechanism.arguments import configuration_on
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.turns import prescribed_rotations, turns_for_quaternions
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.rotations import exponential, inverse, logarithm, product
 from leastaction.numerics.signals import Signal, signal_rows
 
-
-def prescribed_rotations(m: Mechanism) -> list[tuple[BallRotation, int, int]]:
-    """Return rotations that are prescribed, where their quaternions begin in places, and their turns in `kinematic`."""
-    if m.nq - m.first_rho == m.nrho:
-        return []
-    return [
-        (each, m.coordinates.index(each.quaternion[0]) - m.first_rho, m.kinematic.index(each.variables[0]))
-        for each in m.tree.rotations
-        if each.variables[0] in m.kinematic
-    ]
+Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
 
 
 def prescribed_rows(m: Mechanism, rho: Signal, t: Array, start: Array) -> Array:
@@ -52,6 +44,18 @@ def step_to(m: Mechanism, q: Array, rho_next: ArrayLike) -> Array:
     return np.asarray(inputs_along(m, np.stack((q[first:], whole[first:])))[0])
 
 
+def places_of(m: Mechanism) -> tuple[Indices, Flags]:
+    """Return where prescribed variables are in a configuration (nrho,), and which of them are turns.
+
+    Of a turn where its quaternion begins: it has no value of its own, and an input is by how much it changes.
+    """
+    at = {name: i for i, name in enumerate(m.coordinates)}
+    for rotation, place, _ in prescribed_rotations(m):
+        at |= dict.fromkeys(rotation.variables, m.first_rho + place)
+    places = np.array([at[name] for name in m.kinematic], dtype=np.intp)
+    return places, np.array([name not in m.coordinates for name in m.kinematic], dtype=np.bool_)
+
+
 def inputs_along(m: Mechanism, places: Array) -> Array:
     """Return the inputs (N, nrho) of steps between instants with these places (N+1, nq - first_rho)."""
     u = held(m, places[1:])
@@ -63,10 +67,7 @@ def inputs_along(m: Mechanism, places: Array) -> Array:
 
 def held(m: Mechanism, places: Array) -> Array:
     """Return the inputs (..., nrho) of steps over which places (..., nq - first_rho) stay."""
-    u = places.copy()
-    for _, place, _ in sorted(prescribed_rotations(m), key=lambda each: -each[1]):  # the last first
-        u = np.concatenate([u[..., :place], np.zeros((*u.shape[:-1], 3)), u[..., place + 4 :]], axis=-1)
-    return u
+    return turns_for_quaternions(m, places)
 
 
 def reached(m: Mechanism, places: Array, u: Array, share: float = 1.0) -> Array:

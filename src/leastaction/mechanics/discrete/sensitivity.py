@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,11 +15,12 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics.configuration.null_space import free_variables
 from leastaction.mechanics.discrete.derivatives import linearize
 from leastaction.mechanics.discrete.integrator import Integrator
+from leastaction.mechanics.discrete.prescribed import held
 from leastaction.mechanics.discrete.step_sensitivity import momentum_by, steps_by
 from leastaction.mechanics.discrete.trajectory import Trajectory
-from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array
+from leastaction.mechanics.mechanism.turns import momentum_derivatives, rates_turned
+from leastaction.numerics.arrays import Array, Row, as_array
 from leastaction.numerics.differences import fourth_order
 from leastaction.numerics.public import public
 
@@ -37,8 +38,8 @@ class Sensitivity:
     ----------
     names : tuple of str
         The parameters.
-    x : ndarray, shape (N+1, nx, len(names))
-        Of the states ``[q; rho; p; v_rho]``.
+    x : ndarray, shape (N+1, ndx, len(names))
+        Of the states ``[q; rho; p; v_rho]``, of rotations that are quaternions by turns in their own axes.
     lam : ndarray, shape (N, nc, len(names))
         Of the multipliers.
     """
@@ -53,7 +54,7 @@ def sensitivity(
     trajectory: Trajectory,
     names: Sequence[str],
     *,
-    v: ArrayLike | None = None,
+    v: Row | None = None,
     dx0: ArrayLike | None = None,
     hold: Sequence[str] | None = None,
 ) -> Sensitivity:
@@ -65,10 +66,10 @@ def sensitivity(
         Of this mechanism.
     names : sequence of str
         Parameters, among the names of `Mechanism.parameters`.
-    v : array_like, shape (nq,), optional
+    v : array_like, shape (nv,), optional
         The velocity that the trajectory started from: the momentum there depends on the masses. Without
         it (and without `dx0`) the start is a state of its own, which depends on nothing.
-    dx0 : array_like, shape (nx, len(names)), optional
+    dx0 : array_like, shape (ndx, len(names)), optional
         Derivatives of the initial state, instead of `v` and `hold`.
     hold : sequence of str, optional
         Variables that keep their values and velocities at the start where a parameter changes the constraints
@@ -82,22 +83,21 @@ def sensitivity(
         constraints at the start and nothing says how that follows.
     """
     m = vi.mechanism
-    angles_only(m, "sensitivity")
     if dx0 is not None and (v is not None or hold is not None):
         raise ArgumentError(f"sensitivity: got both {'hold' if v is None else 'v'} and dx0; give one of them")
     d = linearize(vi, trajectory, multipliers=True)
     steps = steps_by(vi, trajectory.t, trajectory.x, trajectory.u, names)
-    x = np.zeros((trajectory.steps + 1, m.nx, len(steps.names)))
+    x = np.zeros((trajectory.steps + 1, m.ndx, len(steps.names)))
     if dx0 is not None:
-        x[0] = as_array(dx0, "dx0", (m.nx, len(steps.names)))
+        x[0] = as_array(dx0, "dx0", (m.ndx, len(steps.names)))
     else:
-        x[0, : m.nd] = dq = start_by(vi, trajectory.q[0], steps.names, hold)
+        m = m.at_time(trajectory.t[0])
+        x[0, : m.nd] = dq = start_by(vi.like(m), trajectory.q[0], steps.names, hold)
         if v is not None:
-            q, v0 = trajectory.q[0], as_array(v, "v", (m.nq,), names=m.variables)
+            q, v0 = trajectory.q[0], as_array(v, "v", (m.nv,), names=m.variables)
             dv = velocity_by(m, q, v0, steps.names, dq, hold)
-            _, by_q, by_v = m.core.hessian(q, v0)
-            x[0, m.nq : m.nq + m.nd] = momentum_by(m, q, v0, names) + by_q[: m.nd, : m.nd] @ dq
-            x[0, m.nq : m.nq + m.nd] += by_v[: m.nd, : m.nd] @ dv
+            by_q, by_v = momentum_derivatives(m, q, v0)
+            x[0, m.nv : m.nv + m.nd] = momentum_by(m, q, v0, names) + by_q[:, : m.nd] @ dq + by_v[:, : m.nd] @ dv
     _accumulate(d.A, steps.x, x)
     return Sensitivity(steps.names, x, d.lam_dx @ x[:-1] + steps.lam)
 
@@ -110,9 +110,12 @@ def start_by(vi: Integrator, q: Array, names: Sequence[str], hold: Sequence[str]
     dt, none = 1e-2, np.zeros(m.n_inputs)
     p, _ = vi.core.momenta(q, q, none, dt, dt)
     still = np.tile(np.concatenate([q, p[: m.nd], np.zeros(m.nrho)]), (2, 1))
-    inputs = np.concatenate([none, q[m.nd :]])[None, :]
-    dq = steps_by(vi, np.array([0.0, dt]), still, inputs, names).x[0, : m.nd]
+    inputs = np.concatenate([none, held(m, q[m.first_rho :])])[None, :]
     C = m.constraint_jacobian(q)[:, : m.nd]
+    if m.core.timed:  # its constraints do not stay where they are
+        dq = np.linalg.lstsq(C, -np.stack([_values_by(m, q, name) for name in names], axis=1), rcond=_ROUNDING)[0]
+    else:
+        dq = steps_by(vi, np.array([0.0, dt]), still, inputs, names).x[0, : m.nd]
     needed, size = C @ dq, np.abs(C) @ np.abs(dq)
     moved = np.abs(needed) > _ROUNDING * np.maximum(1.0, size)
     if not moved.any():
@@ -140,14 +143,14 @@ def start_by(vi: Integrator, q: Array, names: Sequence[str], hold: Sequence[str]
 def velocity_by(m: Mechanism, q: Array, v: Array, names: Sequence[str], dq: Array, hold: Sequence[str] | None) -> Array:
     """Return derivatives (nd, len(names)) of a velocity that keeps the constraints as they change.
 
-    ``Dh v = 0`` at the start, whose configuration changes by dq; the velocities of held variables stay.
+    ``Dh v + dh/dt = 0`` at the start, whose configuration changes by dq; the velocities of held variables stay.
     """
     dv = np.zeros_like(dq)
-    if not names or not m.nc or not np.any(v):
+    if not names or not m.nc or not (m.core.timed or np.any(v)):
         return dv
     C = m.constraint_jacobian(q)
     bends = np.stack([m.core.constraint_hessian(q, row) for row in np.eye(m.nc)])
-    turned = np.einsum("cij,i->cj", bends, v)[:, : m.nd] @ dq
+    turned = (np.einsum("cij,i->cj", bends, v) + rates_turned(m, C, v) + m.core.constraint_drift(q)[1])[:, : m.nd] @ dq
     turned += np.stack([_rates_by(m, q, v, name) for name in names], axis=1)
     size = np.abs(C) @ np.abs(v)
     moved = np.abs(turned) > _ROUNDING * np.maximum(1.0, size)[:, None]
@@ -171,17 +174,22 @@ def velocity_by(m: Mechanism, q: Array, v: Array, names: Sequence[str], dq: Arra
 
 
 def _rates_by(m: Mechanism, q: Array, v: Array, name: str) -> Array:
-    """Return the derivative (nc,) of ``Dh v`` by a parameter, q and v held.
+    """Return the derivative (nc,) of the constraints' rates by a parameter, q and v held."""
+    return _by_number(m, name, lambda changed: changed.constraint_rates(q, v))
+
+
+def _values_by(m: Mechanism, q: Array, name: str) -> Array:
+    """Return the derivative (nc,) of the constraints by a parameter, q held."""
+    return _by_number(m, name, lambda changed: changed.constraint_values(q))
+
+
+def _by_number(m: Mechanism, name: str, of: Callable[[Mechanism], Array]) -> Array:
+    """Return the derivative of what is asked of a mechanism by one of its parameters.
 
     By differences of fourth order; constraints are polynomials in most of their numbers, so it is exact to rounding.
     """
     value = m.parameters[name]
-
-    def rates(by: float) -> Array:
-        changed = m.with_parameters({name: value + by})
-        return changed.constraint_jacobian(q) @ v
-
-    return fourth_order(rates, _STEP * (abs(value) or 1.0))
+    return fourth_order(lambda by: of(m.with_parameters({name: value + by})), _STEP * (abs(value) or 1.0))
 
 
 def _accumulate(A: Array, added: Array, x: Array) -> None:

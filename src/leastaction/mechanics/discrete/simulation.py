@@ -27,7 +27,6 @@ from leastaction.mechanics.discrete.trajectory import (
     trajectory_of,
     vector_of,
 )
-from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.numerics.arrays import Array, as_array, as_choice, as_number, as_times, read_only
 from leastaction.numerics.signals import Signal, StateLaw, signal_rows, takes_state
 from leastaction.numerics.step_quality import StepQuality, coarsest
@@ -188,9 +187,7 @@ class _Run:
         progress: Callable[[int, int], None] | None,
     ) -> tuple[SimulationStatus, str]:
         """Make all steps, or as many as can be; return how that ended."""
-        N, m = len(self.u), self.vi.mechanism
-        if law is not None and law_at == "midpoint":
-            angles_only(m, "law_at='midpoint'")
+        N = len(self.u)
         inside = MidpointLaw(self.vi, law) if law is not None and law_at == "midpoint" else None
         try:
             while self.given < N:

@@ -9,14 +9,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.description.tree import WORLD
 from leastaction.mechanics.discrete.derivatives import linearize, linearize_arrays
+from leastaction.mechanics.discrete.impulses import impulses_along
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.trajectory import Trajectory
-from leastaction.mechanics.mechanism.arguments import angles_only, rates, single
+from leastaction.mechanics.mechanism.arguments import rates, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.parameters import (
     BodyNumber,
@@ -28,7 +28,8 @@ from leastaction.mechanics.mechanism.parameters import (
     inertia_slope,
     parameter_value,
 )
-from leastaction.numerics.arrays import Array, require_instance
+from leastaction.mechanics.mechanism.turns import plain_values
+from leastaction.numerics.arrays import Array, Row, require_instance
 from leastaction.numerics.public import public
 
 
@@ -41,7 +42,7 @@ class StepSensitivity:
     ----------
     names : tuple of str
         The parameters.
-    x : ndarray, shape (N, nx, len(names))
+    x : ndarray, shape (N, ndx, len(names))
         Of the state at the end of each step.
     lam : ndarray, shape (N, nc, len(names))
         Of its multipliers.
@@ -115,13 +116,13 @@ def by_time_step(vi: Integrator, t: Array, x: Array, u: Array, *, first_share: f
 
 
 @public
-def momentum_by(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, names: Sequence[str]) -> Array:
+def momentum_by(mechanism: Mechanism, q: Row, v: Row, names: Sequence[str]) -> Array:
     """Return the derivatives (nd, len(names)) of the momentum dL/dv by parameters, q and v held.
 
     Parameters
     ----------
     mechanism : Mechanism
-    q, v : array_like, shape (nq,)
+    q, v : array_like, shape (nq,) and (nv,)
     names : sequence of str
         Parameters, among the names of `Mechanism.parameters`.
     """
@@ -132,14 +133,13 @@ def momentum_by(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, names: Sequenc
     out = np.zeros((mechanism.nd, len(places)))
     lengths = {name: place for name, place in places.items() if isinstance(place, Prescribed)}
     if lengths:
-        angles_only(mechanism, f"derivatives by {next(iter(lengths))!r}, which moves frames")
-        nq = mechanism.nq
+        nv = mechanism.nv
         freed = mechanism.with_free_lengths(_as_variables(mechanism, lengths))
         q, v = np.append(q0, _held(mechanism, lengths)), np.append(v0, np.zeros(len(lengths)))
         _, by_q, by_v = freed.core.hessian(q, v)
         factors, constant = _growth(mechanism, lengths)
-        by = by_q[:nq, nq:] * (factors @ q0 + constant) + by_v[:nq, nq:] * (factors @ v0)
-        by += factors.T * freed.momentum(q, v)[nq:]
+        by = by_q[:nv, nv:] * (factors @ plain_values(mechanism, q0) + constant) + by_v[:nv, nv:] * (factors @ v0)
+        by += factors.T * freed.momentum(q, v)[nv:]
     for column, (name, place) in enumerate(places.items()):
         if isinstance(place, BodyNumber):
             joint, slope = inertia_slope(mechanism.tree, place)
@@ -197,7 +197,6 @@ def _by_lengths(
     variables, c_k times.
     """
     m = vi.mechanism
-    angles_only(m, f"derivatives by {next(iter(lengths))!r}, which moves frames")
     freed = vi.like(m.with_free_lengths(_as_variables(m, lengths)))
     count, steps = len(lengths), len(U)
     held = np.tile(_held(m, lengths), (steps + 1, 1))
@@ -205,19 +204,20 @@ def _by_lengths(
     u = np.concatenate([U, held[1:]], axis=1)
     d = linearize_arrays(freed, t, x, u, multipliers=True, first_share=first_share)
     factors, constant = _growth(m, lengths)
-    grown = X[:, : m.nq] @ factors.T + constant
-    at_start, at_end = (slice(m.nq, m.nq + count), slice(m.n_inputs + m.nrho, m.n_inputs + m.nrho + count))
+    grown = plain_values(m, X[:, : m.nq]) @ factors.T + constant
+    nv, nd = m.nv, m.nd
+    at_start, at_end = (slice(nv, nv + count), slice(m.n_inputs + m.nrho, m.n_inputs + m.nrho + count))
     by = d.A_all[:, :, at_start] * grown[:-1, None] + d.B_all[:, :, at_end] * grown[1:, None]
-    own = factors[:, : m.nd].T  # (nd, count)
+    own = factors[:, :nd].T  # (nd, count)
     if own.any():
-        momenta = slice(m.nq + count, m.nq + count + m.nd)
-        at_first, at_second = _momenta_of(freed, t, x, u, d.lam, first_share)
-        by += d.A_all[:, :, momenta] @ (own * at_first[:, None, at_start])
-        by[:, momenta] += own * at_second[:, None, at_start]
-    rows = [*range(m.nq), *range(m.nq + count, m.nq + count + m.nq)]
-    out = by[:, rows]
-    out[:, [*range(m.nd, m.nq), *range(m.nq + m.nd, m.nx)]] = 0.0
-    return out, by[:, freed.mechanism.nx :]
+        momenta = slice(nv + count, nv + count + nd)
+        q, inputs = x[:, : freed.mechanism.nq], u[:, : m.n_inputs]
+        before, after, held = impulses_along(freed, t, q, inputs, d.lam, first_share=first_share)
+        by += d.A_all[:, :, momenta] @ (own * (before - held)[:, None, at_start])
+        by[:, momenta] += own * after[:, None, at_start]
+    out = by[:, [*range(nv), *range(nv + count, nv + count + nv)]]
+    out[:, [*range(nd, nv), *range(nv + nd, m.ndx)]] = 0.0
+    return out, by[:, freed.mechanism.ndx :]
 
 
 def _held(m: Mechanism, lengths: dict[str, Prescribed]) -> Array:
@@ -227,9 +227,9 @@ def _held(m: Mechanism, lengths: dict[str, Prescribed]) -> Array:
 
 
 def _growth(m: Mechanism, lengths: dict[str, Prescribed]) -> tuple[Array, Array]:
-    """Return how the variables that stand for numbers grow with those: factors (len(lengths), nq), and constants."""
+    """Return how the variables that stand for numbers grow with those: factors (len(lengths), nv), and constants."""
     column = {name: i for i, name in enumerate(m.variables)}
-    factors, constant = np.zeros((len(lengths), m.nq)), np.ones(len(lengths))
+    factors, constant = np.zeros((len(lengths), m.nv)), np.ones(len(lengths))
     for row, place in enumerate(lengths.values()):
         if isinstance(place, JointNumber):
             growth = place.growth(m.tree)
@@ -237,21 +237,3 @@ def _growth(m: Mechanism, lengths: dict[str, Prescribed]) -> tuple[Array, Array]
             for name, factor in growth.terms:
                 factors[row, column[name]] = factor
     return factors, constant
-
-
-def _momenta_of(vi: Integrator, t: Array, x: Array, u: Array, lam: Array, first_share: float) -> tuple[Array, Array]:
-    """Return what the equations of all variables have beside the momentum at the start, and the momenta at the end.
-
-    Both (N, nq), of prescribed variables too.
-    """
-    m = vi.mechanism
-    start, end = np.empty((len(u), m.nq)), np.empty((len(u), m.nq))
-    for k in range(len(u)):
-        dt = t[k + 1] - t[k]
-        share = dt * (first_share if k == 0 else 1.0)
-        q = np.ascontiguousarray(x[k, : m.nq])
-        p, end[k] = vi.core.momenta(
-            q, np.ascontiguousarray(x[k + 1, : m.nq]), u[k, : m.n_inputs].copy(), dt, share, t[k]
-        )
-        start[k] = -p - lam[k] @ m.constraint_jacobian(q)
-    return start, end

@@ -26,15 +26,16 @@ def tensions(run: BaseTrajectory[Any]) -> dict[str, Array]:
     m, dt = run.mechanism, np.diff(run.t)
     start = dict(zip(m.variables, run.q[:-1].T, strict=True))
     impulse = dict(zip(m.constraints, run.lam.T, strict=True))
-    middle = 0.5 * (run.q[1:] + run.q[:-1])
+    first, middle = (run.t[:-1], run.q[:-1]), (0.5 * (run.t[1:] + run.t[:-1]), 0.5 * (run.q[1:] + run.q[:-1]))
     found: dict[str, Array | None] = {}
     for name, element in m.elements.items():
         if name in impulse:
             found[name] = element.tension(impulse[name], dt, start)
-            if found[name] is None and (slope := _slope(m, name, element, run.q[:-1])) is not None:
+            if found[name] is None and (slope := _slope(m, name, element, *first)) is not None:
                 found[name] = slope * impulse[name] / dt
         elif isinstance(element, Potential):
-            found[name] = _pull(m, element, middle) if element.seen_as == "string" else _slope(m, name, element, middle)
+            elastic = element.seen_as == "string"
+            found[name] = _pull(m, element, middle[1]) if elastic else _slope(m, name, element, *middle)
     return {name: tension for name, tension in found.items() if tension is not None}
 
 
@@ -47,15 +48,15 @@ def _pull(m: Mechanism, element: Element, q: Array) -> Array | None:
     return element.pull(length, np.zeros_like(length), dict(zip(m.variables, q.T, strict=True)))
 
 
-def _slope(m: Mechanism, name: str, element: Element, q: Array) -> Array | None:
-    """Return the slope of a cord's function in configurations (N, nq); None of what is no cord."""
+def _slope(m: Mechanism, name: str, element: Element, t: Array, q: Array) -> Array | None:
+    """Return the slope of a cord's function at times (N,) in configurations (N, nq); None of what is no cord."""
     frames = element.uses.frames
     if not frames:
         return None
     places = dict(zip(frames, np.moveaxis(m.positions(q, frames), -2, 0), strict=True))
     start = len(name) + 1
     numbers = {key[start:]: value for key, value in m.parameters.items() if key.startswith(f"{name}.")}
-    return element.slope(_Pieces(places), {**numbers, **dict(zip(m.variables, q.T, strict=True))})
+    return element.slope(_Pieces(places), {**numbers, **dict(zip(m.variables, q.T, strict=True)), "": t})
 
 
 class _Pieces(dict[tuple[str, str], Array]):

@@ -12,7 +12,6 @@ import numpy as np
 from leastaction.mechanics.discrete.balance import DiscreteBalance
 from leastaction.mechanics.discrete.prescribed import inputs_along
 from leastaction.mechanics.discrete.tensions import tensions
-from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.masses import Energy
 from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
@@ -181,7 +180,7 @@ class Trajectory(BaseTrajectory[State]):
         if not self.rank_deficient:
             return {}
         instants = np.unique(np.linspace(0, self.steps, _LOOKS).astype(int))
-        found = [self.mechanism.redundancy(self.q[k]) for k in instants]
+        found = [self.mechanism.at_time(self.t[k]).redundancy(self.q[k]) for k in instants]
         result: dict[str, tuple[str, ...]] = {}
         for name in self.mechanism.constraints:
             sources = [look[name] for look in found if name in look]
@@ -234,7 +233,6 @@ class Trajectory(BaseTrajectory[State]):
             world axes, with which what is before the joint acts on what is behind it. Drives, springs and friction of
             the joint itself are part of it.
         """
-        angles_only(self.mechanism, "reactions")
         dt = np.diff(self.t)[:, None]
         held = 0.5 * (dt[1:] + dt[:-1])
         v, u = self.v, 0.5 * (self.inputs[1:] + self.inputs[:-1])

@@ -45,8 +45,9 @@ class CompiledExpression:
 class CompiledForce:
     """A force along a scalar coordinate as the core takes it: the first of its ``coordinates``.
 
-    The tape's arguments are all of these, then all their rates, then the ``inputs``, then the ``parameters``, which are
-    named numbers and their values, then the time where it is ``timed``. ``code``: the instructions.
+    The tape's arguments are all of these, then all their rates by what moves, then the ``inputs``, then the
+    ``parameters``, which are named numbers and their values, then the time where it is ``timed``. ``code``: the
+    instructions.
     """
 
     coordinates: tuple[CompiledExpression, ...]
@@ -56,11 +57,11 @@ class CompiledForce:
     timed: bool = False
 
 
-def compile_expression(expression: Any, *, what: str = "the expression", timed: bool = False) -> CompiledExpression:
+def compile_expression(expression: Any, *, what: str = "the expression") -> CompiledExpression:
     """Compile a scalar of the configuration.
 
-    ``expression``: in points, directions, variables and parameters. ``what``: what it belongs to, for messages.
-    ``timed``: whether the time may occur. Raises `DescriptionError` if it depends on a rate or an input or on nothing
+    ``expression``: in points, directions, variables, parameters and the time. ``what``: what it belongs to, for
+    messages. Raises `DescriptionError` if it depends on a rate or an input or on nothing
     at all, gives a parameter two values, or cannot be compiled; see `compile_tape`.
     """
     scalar = _without_marks(check_expression(expression, what))
@@ -71,11 +72,6 @@ def compile_expression(expression: Any, *, what: str = "the expression", timed: 
                 "ExpressionForce, and a prescribed motion is a kinematic variable"
             )
     found = _by_role(scalar)
-    if found["time"] and not timed:
-        raise DescriptionError(
-            f"{what}: the time occurs where only the configuration may, whose rates would have to know of it; what "
-            "moves as prescribed is a kinematic variable, and a potential or the strength of a force may take the time"
-        )
     if not (found["point"] or found["direction"] or found["variable"]):
         raise DescriptionError(
             f"{what}: {brief(scalar)} does not depend on the configuration; use point(...), direction(...), "
@@ -154,8 +150,9 @@ class _Split:
     def rewrite(self, part: sympy.Expr) -> sympy.Expr:
         """Return the expression in coordinates, their rates, inputs and numbers."""
         if isinstance(part, Rate):
-            at = self.coordinates.index(_without_marks(part.args[0]))
-            return self.rates[at]
+            scalar = _without_marks(part.args[0])
+            by_itself = sympy.diff(scalar, MechanismSymbol("time"))
+            return self.rates[self.coordinates.index(scalar)] + self.rewrite(by_itself)
         if isinstance(part, Coordinate):
             return self.symbol(_without_marks(part.args[0]))
         if part in self.coordinates or (isinstance(part, MechanismSymbol) and part.role == "variable"):

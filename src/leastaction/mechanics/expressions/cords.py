@@ -17,8 +17,8 @@ from leastaction.numerics.arrays import Array
 class ExpressionCord:
     """An expression that depends on places by distances of pairs of frames only, all with the same slope.
 
-    ``pieces``: the pairs. ``symbols``: of their distances, then of variables and parameters. ``slope``: of the
-    expression by each distance.
+    ``pieces``: the pairs. ``symbols``: of their distances, then of variables, parameters and the time. ``slope``: of
+    the expression by each distance.
     """
 
     pieces: tuple[tuple[str, str], ...]
@@ -26,8 +26,8 @@ class ExpressionCord:
     slope: Any
 
     def by_lengths(self, lengths: Array, values: Mapping[str, Any]) -> Array:
-        """Return the slope for lengths (pieces, N) of the pieces, variables and parameters by name."""
-        others = [values[symbol.of[0]] for symbol in self.symbols[len(self.pieces) :]]
+        """Return the slope for lengths (pieces, N) of the pieces, variables and parameters by name, the time by ""."""
+        others = [values["".join(symbol.of[:1])] for symbol in self.symbols[len(self.pieces) :]]
         found = sympy.lambdify(self.symbols, self.slope, "numpy")(*lengths, *others)
         return np.broadcast_to(np.asarray(found, dtype=np.float64), lengths.shape[1:]).copy()
 
@@ -45,7 +45,7 @@ def cord_of(expression: Any) -> ExpressionCord | None:
             known[root] = symbol ** (2 * root.exp)
     rest = _without_squares(expression.xreplace(known), pieces)
     others = sorted((each for each in rest.free_symbols if isinstance(each, MechanismSymbol)), key=str)
-    if not pieces or any(each.role not in ("variable", "parameter") for each in others):
+    if not pieces or any(each.role not in ("variable", "parameter", "time") for each in others):
         return None
     slopes = [sympy.diff(rest, symbol) for symbol in pieces.values()]
     if any(sympy.simplify(slope - slopes[0]) != 0 for slope in slopes[1:]):

@@ -78,5 +78,6 @@ class Rate(sympy.Function):  # type: ignore[misc]
 
     @classmethod
     def eval(cls, argument: sympy.Expr) -> sympy.Expr | None:
-        """Return 0 for a number: it does not change."""
-        return sympy.Integer(0) if argument.is_number else None
+        """Return the rate of what depends on the time alone; 0 for a number, which does not change."""
+        roles = {getattr(symbol, "role", "") for symbol in argument.free_symbols}
+        return sympy.diff(argument, MechanismSymbol("time")) if roles <= {"time", "parameter"} else None

@@ -153,11 +153,12 @@ def parameter(name: str, value: float) -> MechanismSymbol:
 
 @public
 def time() -> MechanismSymbol:
-    """Return the symbol of the time (s), for potentials and forces that change by themselves.
+    """Return the symbol of the time (s), for what changes by itself: potentials, forces, and constraints that move.
 
-    A step of time takes it at its middle, where potentials and forces act. The energy of such a mechanism changes by
-    what they do: a potential by ``dV/dt`` a second. A constraint that moves, and a force along what moves, take a
-    kinematic variable instead, whose motion is prescribed.
+    A step of time takes it at its middle, where potentials and forces act, and at its ends, where constraints hold.
+    The energy of such a mechanism changes by what they do: by ``dV/dt`` a second, and by ``-lam dh/dt`` of a
+    constraint with the force ``Dh^T lam``. What a mechanism is asked about is at time zero, or at that of
+    `Mechanism.at_time`.
     """
     made: MechanismSymbol = symbols().MechanismSymbol("time")
     return made
@@ -180,7 +181,8 @@ def rate(expression: Any) -> sympy.Expr:
     Parameters
     ----------
     expression : sympy.Expr or str
-        In points, directions, variables and numbers, such as ``distance("a", "b")``; or the name of a variable.
+        In points, directions, variables, numbers and the time, such as ``distance("a", "b")``; or the name of a
+        variable.
     """
     if isinstance(expression, str):
         expression = variable(expression)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import NOT_YET, ArgumentError, unknown
-from leastaction.mechanics.description.tree import Tree
+from leastaction.mechanics.description.tree import BallRotation, Tree
 from leastaction.mechanics.elements import Element, Parts
-from leastaction.numerics.arrays import Array, as_array, as_number, require_mapping, shape_of
+from leastaction.numerics.arrays import Array, Row, as_array, row_by_name, shape_of
 
 _UNIT = 1e-6  # how far rounding of a file may take the length of a quaternion from one
 _ROUNDING = 1e-14  # and how far from one it stays as it is
@@ -40,6 +40,7 @@ class Compiled(ABC):
     nc: int
     nx: int
     ndx: int
+    time: float
 
     @property
     @abstractmethod
@@ -53,28 +54,25 @@ def check_same_names(theirs: Compiled, ours: Compiled, what: str, advice: str = 
         raise ArgumentError(f"{what}: it is of {theirs!r} with other names, expected one of {ours!r}{advice}")
 
 
-def by_name(
-    names: Sequence[str], values: Mapping[str, float] | None, default: float, known: Mapping[str, float] | None = None
-) -> Array:
-    """Return numbers of variables (len(names),): as given by name, else as ``known``, else ``default``."""
-    given = {} if values is None else values
-    require_mapping(given, "values", "{'pole': 1.0}")
-    rest = as_number(default, "default")
-    found = dict.fromkeys(names, rest) | dict(known or {})
-    for name, value in given.items():
-        if name not in found:
-            raise unknown("variable", name, names)
-        found[name] = as_number(value, f"the value of {name!r}")
-    return np.array(list(found.values()), dtype=np.float64)
+def configuration_by_name(m: Compiled, values: Mapping[str, float], what: str = "q", rest: float = 0.0) -> Array:
+    """Return a configuration (nq,) from values by name, with quaternions of no rotation where they are not given."""
+    still = {
+        name: value
+        for rotation in m.tree.rotations
+        for name, value in zip(rotation.quaternion, (1.0, 0.0, 0.0, 0.0), strict=True)
+    }
+    return configuration_on(m, row_by_name(values, what, m.coordinates, rest, still), what)
 
 
-def single(m: Compiled, q: ArrayLike, what: str = "q") -> Array:
-    """Return one configuration (nq,)."""
+def single(m: Compiled, q: Row, what: str = "q") -> Array:
+    """Return one configuration (nq,), which may be given by name."""
+    if isinstance(q, Mapping):
+        return configuration_by_name(m, q, what)
     return configuration_on(m, as_array(q, what, (m.nq,), names=m.coordinates), what)
 
 
-def rates(m: Compiled, v: ArrayLike, what: str = "v", *, rows: int | None = None) -> Array:
-    """Return velocities or the like, (nv,), or (rows, nv)."""
+def rates(m: Compiled, v: Row, what: str = "v", *, rows: int | None = None) -> Array:
+    """Return velocities or the like, (nv,), which may be given by name, or (rows, nv)."""
     return as_array(v, what, (m.nv,) if rows is None else (rows, m.nv), names=m.variables)
 
 
@@ -85,17 +83,21 @@ def configuration_on(m: Compiled, q: Array, what: str) -> Array:
     out = np.array(q)
     for rotation in m.tree.rotations:
         first = m.coordinates.index(rotation.quaternion[0])
-        numbers = out[..., first : first + 4]
-        length = np.linalg.norm(numbers, axis=-1, keepdims=True)
-        off = np.abs(length - 1.0)
-        if (off > _UNIT).any():
-            raise ArgumentError(
-                f"{what}: {', '.join(rotation.quaternion)} are a unit quaternion, scalar first, whose length is 1; got "
-                f"the length {float(length.flat[int(np.argmax(off))]):.6g}. No rotation is 1, 0, 0, 0; an angle a "
-                "about an axis e (of length 1) is cos(a/2), sin(a/2) e"
-            )
-        out[..., first : first + 4] = np.where(off > _ROUNDING, numbers / length, numbers)
+        out[..., first : first + 4] = unit_quaternions(rotation, out[..., first : first + 4], what)
     return out
+
+
+def unit_quaternions(rotation: BallRotation, numbers: Array, what: str) -> Array:
+    """Return the quaternions (..., 4) of a rotation at unit length; raise for those that are far from it."""
+    length = np.linalg.norm(numbers, axis=-1, keepdims=True)
+    off = np.abs(length - 1.0)
+    if (off > _UNIT).any():
+        raise ArgumentError(
+            f"{what}: {', '.join(rotation.quaternion)} are a unit quaternion, scalar first, whose length is 1; got "
+            f"the length {float(length.flat[int(np.argmax(off))]):.6g}. No rotation is 1, 0, 0, 0; an angle a "
+            "about an axis e (of length 1) is cos(a/2), sin(a/2) e"
+        )
+    return np.where(off > _ROUNDING, numbers / length, numbers)
 
 
 def of_unit_length(m: Compiled, q: Array) -> Array:
@@ -131,14 +133,14 @@ def inputs_of(m: Compiled, inputs: ArrayLike | None, what: str = "inputs") -> Ar
     return np.zeros(m.n_inputs) if inputs is None else as_array(inputs, what, (m.n_inputs,), names=m.inputs)
 
 
-def batch(m: Compiled, q: ArrayLike, what: str = "q", *, rows: int | None = None) -> tuple[Array, bool]:
+def batch(m: Compiled, q: Row, what: str = "q", *, rows: int | None = None) -> tuple[Array, bool]:
     """Return q as (N, nq), and whether it was a single configuration."""
     if len(shape_of(q) or ()) == 2:
         return configuration_on(m, as_array(q, what, (rows, m.nq), names=m.coordinates), what), False
     return single(m, q, what)[None, :], True
 
 
-def batch_of_states(m: Compiled, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array, bool]:
+def batch_of_states(m: Compiled, q: Row, v: Row) -> tuple[Array, Array, bool]:
     """Return q (N, nq) and v (N, nv), and whether it was a single state."""
     values, one = batch(m, q)
     return values, rates(m, v)[None, :] if one else rates(m, v, rows=len(values)), one

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import unknown
@@ -19,7 +18,7 @@ from leastaction.mechanics.description.masses import check_masses
 from leastaction.mechanics.description.tree import BallAngles
 from leastaction.mechanics.elements import Element, Parts
 from leastaction.mechanics.mechanism import queries
-from leastaction.mechanics.mechanism.arguments import Compiled, batch, by_name, configuration_on
+from leastaction.mechanics.mechanism.arguments import Compiled, batch, configuration_by_name
 from leastaction.mechanics.mechanism.changes import freed, with_values
 from leastaction.mechanics.mechanism.compilation import Plan, plan
 from leastaction.mechanics.mechanism.equality import names_hash, same
@@ -36,7 +35,7 @@ from leastaction.mechanics.mechanism.parameters import (
 from leastaction.mechanics.mechanism.shared import check_values, joined, members_of, spread
 from leastaction.mechanics.mechanism.view import tree_view
 from leastaction.mechanics.mechanism.view_html import html_view
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, Row, as_number, require_mapping, row_by_name
 from leastaction.numerics.public import public
 
 
@@ -143,6 +142,7 @@ class Mechanism(Compiled):
             "nc": len(settled.constraints),
             "nx": len(coordinates) + nd + nrho,
             "ndx": 2 * (nd + nrho),
+            "time": 0.0,
         }
         vars(self).update(fields)
         if like is None:
@@ -186,12 +186,7 @@ class Mechanism(Compiled):
         ArgumentError
             For an unknown name or a value that is not a finite number.
         """
-        still = {
-            name: value
-            for rotation in self.tree.rotations
-            for name, value in zip(rotation.quaternion, (1.0, 0.0, 0.0, 0.0), strict=True)
-        }
-        return configuration_on(self, by_name(self.coordinates, values, default, still), "values")
+        return configuration_by_name(self, _given(values), "values", as_number(default, "default"))
 
     def velocity(self, values: Mapping[str, float] | None = None, *, default: float = 0.0) -> Array:
         """Return a velocity, or another number for each variable such as a weight, from values by name.
@@ -212,9 +207,9 @@ class Mechanism(Compiled):
         ArgumentError
             For an unknown name or a value that is not a finite number.
         """
-        return by_name(self.variables, values, default)
+        return row_by_name(_given(values), "values", self.variables, as_number(default, "default"))
 
-    def named(self, q: ArrayLike) -> dict[str, Any]:
+    def named(self, q: Row) -> dict[str, Any]:
         """Return the entries of a configuration by name: floats, or arrays (N,) for a batch (N, nq)."""
         values, single = batch(self, q)
         columns = values.T
@@ -398,6 +393,25 @@ class Mechanism(Compiled):
         result = self._of(self._plan.with_numbers(tree, numbers, self._owners), like=self.core)
         if tree is not self.tree:
             check_masses(tree, result._plan.rotors, self.variables, result.core, self.core)
+        return result.at_time(self.time)
+
+    def at_time(self, t: float) -> Mechanism:
+        """Return the same mechanism, asked about at a time: what `expressions.time` stands for where no other is told.
+
+        Constraints, forces and potentials that change with the time are those of that instant, for
+        `project_configuration`, `project_velocity`, `check_consistent` and `equilibrium` too. A run goes through its
+        own times, whatever this is.
+
+        Parameters
+        ----------
+        t : float
+            Time (s). Without `at_time` it is zero.
+        """
+        when = as_number(t, "t")
+        if not self.core.timed or when == self.time:
+            return self
+        result = Mechanism.__new__(Mechanism)
+        vars(result).update({**vars(self), "core": self.core.at_time(when), "time": when})
         return result
 
     def slots_of_elements(self, names: Sequence[str]) -> list[int] | None:
@@ -427,7 +441,8 @@ class Mechanism(Compiled):
         a prescribed motion, zero where the number has its value.
         """
         kinematic = (*self.kinematic, *lengths)
-        return self._of(replace(self._plan, tree=freed(self.tree, lengths), kinematic=kinematic, shared={}))
+        freely = self._of(replace(self._plan, tree=freed(self.tree, lengths), kinematic=kinematic, shared={}))
+        return freely.at_time(self.time)
 
     # What it may be asked: functions, each explained where it stands
 
@@ -462,6 +477,7 @@ class Mechanism(Compiled):
     constraint_values = queries.constraints.constraint_values
     constraint_residuals = queries.constraints.constraint_residuals
     constraint_jacobian = queries.constraints.constraint_jacobian
+    constraint_rates = queries.constraints.constraint_rates
     constraint_rank = queries.constraints.constraint_rank
     degrees_of_freedom = queries.constraints.degrees_of_freedom
     redundancy = queries.constraints.redundancy
@@ -542,7 +558,7 @@ class Mechanism(Compiled):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The compiled part is rebuilt from the plan, so that a mechanism can go to a worker process.
-        return Mechanism._of, (self._plan,)
+        return _restored, (self._plan, self.time)
 
     def __repr__(self) -> str:
         return (
@@ -557,9 +573,20 @@ class Mechanism(Compiled):
         return html_view(self._plan)
 
 
+def _given(values: Mapping[str, float] | None) -> Mapping[str, float]:
+    """Return values by name, none where there are none."""
+    given = {} if values is None else values
+    require_mapping(given, "values", "{'pole': 1.0}")
+    return given
+
+
 def _build_like(builder: _core.MechanismBuilder, like: _core.Mechanism) -> _core.Mechanism:
     """Build with the structure of another mechanism; from scratch where numbers were part of it."""
     try:
         return builder.build_like(like)
     except ValueError:
         return builder.build()
+
+
+def _restored(settled: Plan, t: float) -> Mechanism:
+    return Mechanism._of(settled).at_time(t)

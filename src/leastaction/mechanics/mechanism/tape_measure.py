@@ -7,12 +7,11 @@ from itertools import pairwise
 from typing import final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, brief
 from leastaction.mechanics.mechanism.arguments import batch, batch_of_states, frame_index, shaped
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, require_instance
+from leastaction.numerics.arrays import Array, Row, require_instance
 from leastaction.numerics.names import as_names
 from leastaction.numerics.public import public
 
@@ -49,19 +48,19 @@ class TapeMeasure:
         self.mechanism = mechanism
         self.frames = tuple(frames)
 
-    def length(self, q: ArrayLike) -> float | Array:
+    def length(self, q: Row) -> float | Array:
         """Return the length (m) at q of shape (nq,), or (N,) for a batch (N, nq)."""
         values, one = batch(self.mechanism, q)
         length = self._pieces(values)[1].sum(axis=1)
         return float(length[0]) if one else length
 
-    def gradient(self, q: ArrayLike) -> Array:
+    def gradient(self, q: Row) -> Array:
         """Return ``ds/dq`` (nq,), or (N, nq) for a batch. Raises `ArgumentError` where two frames of the path meet."""
         values, one = batch(self.mechanism, q)
         directions, _ = self._directions(values)
         return shaped(np.einsum("npa,npai->ni", directions, self._by_variables(values)), one)
 
-    def hessian(self, q: ArrayLike) -> Array:
+    def hessian(self, q: Row) -> Array:
         """Return the second derivative (nq, nq), or (N, nq, nq) for a batch; errors as of `gradient`."""
         m = self.mechanism
         values, one = batch(m, q)
@@ -74,13 +73,13 @@ class TapeMeasure:
         found = np.einsum("npa,npaij->nij", n, bend) + (square / lengths[:, :, None, None]).sum(axis=1)
         return shaped(np.asarray(0.5 * (found + found.swapaxes(1, 2))), one)
 
-    def rate(self, q: ArrayLike, v: ArrayLike) -> float | Array:
+    def rate(self, q: Row, v: Row) -> float | Array:
         """Return how fast the length grows (m/s) at q, v of shape (nq,), or (N,) for a batch (N, nq)."""
         values, speeds, one = batch_of_states(self.mechanism, q, v)
         rate = np.einsum("ni,ni->n", self.gradient(values), speeds)
         return float(rate[0]) if one else rate
 
-    def rate_derivatives(self, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
+    def rate_derivatives(self, q: Row, v: Row) -> tuple[Array, Array]:
         """Return the derivatives of `rate` by q and by v, (nq,) each, or (N, nq) for a batch."""
         values, speeds, one = batch_of_states(self.mechanism, q, v)
         by_q = np.einsum("nij,nj->ni", self.hessian(values), speeds)

@@ -36,12 +36,14 @@ from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.search.grid import TimeGrid
 from leastaction.optimal.search.problem import DiscreteProblem
+from leastaction.optimal.system import Linearization
 
 # Pieces of the first mesh, and of the last one at most; how often it is made finer.
 _FIRST, _FIRST_MOST, _MOST, _ROUNDS = 16, 128, 1500, 9
 # Error of a piece that is fine enough: of its states, in times the accuracy of integrations and in parts of the state's
 # size at most; and of its inputs where they continue those of the piece before, in parts of their size.
 _OF_ACCURACY, _OF_STATES, _OF_INPUTS = 1e3, 1e-5, 3e-3
+_FELT = 1e-3  # change of states by a step of inputs over a piece that is none, in parts of their error
 _TO_STATES = 30.0  # error of the inputs in times that of the states, where that is more
 _ABOVE_NOISE = 100.0  # promise of a first step on a finer mesh, in times the noise
 _JUMP = 0.1  # step of an input from one piece to the next, in parts of its size, that no polynomial follows
@@ -276,8 +278,13 @@ class MeshGrid(TimeGrid):
         size = np.abs(states).max(axis=(0, 1))
         size = np.maximum(size, 1e-3 * size.max(initial=0.0)) + 1e-9
         off = np.abs(slopes - rates).reshape(*t.shape, -1).max(axis=1) * mesh.h[:, None] / size
-        reach = np.abs(inputs).max(axis=(0, 1)) + 1e-12
-        rough = (mesh.leaps(inputs) > max(_OF_INPUTS, _TO_STATES * rtol) * reach).any(axis=1)
+        reach, leaps = np.abs(inputs).max(axis=(0, 1)), mesh.leaps(inputs)
+        rough = leaps > max(_OF_INPUTS, _TO_STATES * rtol) * reach
+        # Where inputs are not wanted they are rounding, of any shape: what states do not feel is smooth.
+        at = states.reshape(-1, system.nx), inputs.reshape(-1, system.nu), mesh.t.ravel()
+        pushes = np.abs(Linearization(*system.linearize(*at)).B).reshape(mesh.N, STAGES, *at[0].shape[1:], -1)
+        felt = np.einsum("nij,nj->nij", pushes.max(axis=1), leaps * mesh.h[:, None]) / size[:, None]
+        rough = (rough & (felt.max(axis=1) > _FELT * tolerance)).any(axis=1)
         # What does not continue may be the fault of either side.
         rough[:-1] |= rough[1:]
         long = mesh.h > _SHORTEST * (mesh.breaks[-1] - mesh.breaks[0])
@@ -354,9 +361,7 @@ class MeshGrid(TimeGrid):
         """Return the result at the current iterate, in continuous time."""
         own, here = self.whole.own, problem.parts.here
         own.trajectory = motion = self.curve(here)
-        plain = self.system.space is None
-        linearization = problem.parts.models.linearize() if plain else self.system.by_all_numbers(here.x, here.u)
-        own.gain = own.feedback = regulator_along(self.system, own.cost, motion, linearization, here.x, here.u)
+        own.gain = own.feedback = regulator_along(own.system, own.cost, motion, own.jumps, own.accuracy)
         found = own.result(summary)
         # At the end of a piece the input is that of its last point: the next piece's polynomial may stand beside it.
         u = found.u.copy()

@@ -13,9 +13,16 @@ from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.collocation.charts import in_charts, space_on_mesh
 from leastaction.optimal.collocation.layout import ORDER, PLACE, NodeLayout
 from leastaction.optimal.collocation.mesh import MATRIX, STAGES, RadauMesh
+from leastaction.optimal.collocation.piece import (
+    Factors,
+    factored,
+    newton_matrix,
+    slopes_of_points,
+    solved,
+    solved_each,
+)
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
-from leastaction.optimal.quantity import Instants
 from leastaction.optimal.space import moved_by
 from leastaction.optimal.system import Linearization
 
@@ -23,8 +30,6 @@ _MOST_ITERATIONS, _RESIDUAL = 40, 1e-12
 # A Newton matrix is used again while its steps shrink by at least the first; what they leave is below the second, of
 # the state's size, or rounding, where they do not shrink any more below the third. The first is held against the last.
 _SHRINKS, _CLOSE, _ROUNDING, _NEAR = 0.2, 1e-14, 1e-11, 1e-2
-Factors = tuple[Array, Instants]
-"""Triangular factors of a matrix, and how their rows were exchanged."""
 
 
 class CollocationSystem(DiscreteSystem):
@@ -142,7 +147,7 @@ class CollocationSystem(DiscreteSystem):
                 A = self.system.slopes(states.reshape(-1, nx), u.reshape(n * STAGES, -1), t)
         except (LeastActionError, ArithmeticError):
             return [None] * n
-        matrices = _newton_matrix(self.mesh.h[pieces, None, None], A.reshape(n, STAGES, nx, nx))
+        matrices = newton_matrix(self.mesh.h[pieces, None, None], A.reshape(n, STAGES, nx, nx))
         good = np.asarray(np.isfinite(matrices).all(axis=(1, 2))).tolist()
         return [each if fit else None for each, fit in zip(matrices, good, strict=True)]
 
@@ -156,12 +161,12 @@ class CollocationSystem(DiscreteSystem):
         why, made, residual, before = "it takes too many iterations", 0, np.full(states.shape, np.nan), _NEAR
         try:
             if matrix is not None:
-                factors = _factored(matrix)
+                factors = factored(matrix)
             for made in range(1, _MOST_ITERATIONS + 1):
                 residual = x + h * (MATRIX @ self.system.rates(states, u, t)) - states
                 if factors is None:
-                    factors = _factored(_newton_matrix(h, self.system.slopes(states, u, t)))
-                step = _solved(factors, residual.ravel()).reshape(states.shape)
+                    factors = factored(newton_matrix(h, self.system.slopes(states, u, t)))
+                step = solved(factors, residual.ravel()).reshape(states.shape)
                 states = states + step
                 if not np.isfinite(states).all():
                     raise ArithmeticError("it leads to no finite state")
@@ -215,11 +220,7 @@ class CollocationSystem(DiscreteSystem):
 
     def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:  # noqa: ARG002
         """Return the derivatives of every piece, by the implicit function theorem."""
-        return self._in_charts(self.by_all_numbers(x, u), x[:-1], x[1:])
-
-    def by_all_numbers(self, x: Array, u: Array) -> Linearization:
-        """Return the same by the numbers of states, which are derivatives by states where these are plain vectors."""
-        return self._linearized(*self.points(x, u))
+        return self._in_charts(self._linearized(*self.points(x, u)), x[:-1], x[1:])
 
     def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
         found = self._linearized(self.layout.points(ends)[0], u.reshape(self.N, STAGES, -1))
@@ -239,12 +240,8 @@ class CollocationSystem(DiscreteSystem):
         along = found if isinstance(found, Linearization) else Linearization(*found)
         A, B = along.A.reshape(N, STAGES, nx, nx), along.B.reshape(N, STAGES, nx, nu)
         size = STAGES * nx
-        matrices = _newton_matrix(h, A)
-        pushed = h * np.einsum("ij,njab->niajb", MATRIX, B).reshape(N, size, STAGES * nu)
-        start = np.broadcast_to(np.tile(np.eye(nx), (STAGES, 1)), (N, size, nx))
-        # By the first state and by the inputs of all points, (N, STAGES, nx, nx + STAGES nu).
-        moved = np.concatenate([start, pushed], axis=2)
-        J = _solved_each(matrices, moved).reshape(N, STAGES, nx, nx + STAGES * nu)
+        matrices = newton_matrix(h, A)
+        J = slopes_of_points(matrices, h, B)
         A_all, B_all = np.zeros((N, self.nx, self.nx)), np.zeros((N, self.nx, self.nu))
         ordered = J[:, ORDER].reshape(N, size, -1)
         A_all[:, :size, :nx], B_all[:, :size] = ordered[:, :, :nx], ordered[:, :, nx:]
@@ -271,7 +268,7 @@ class CollocationSystem(DiscreteSystem):
         """
         N, nx, nu = self.N, self.system.nx, self.system.nu
         weights = z[:, : STAGES * nx].reshape(N, STAGES, nx)[:, PLACE].reshape(N, -1)
-        costate = _solved_each(matrices.transpose(0, 2, 1), weights[:, :, None]).reshape(N, STAGES, nx)
+        costate = solved_each(matrices.transpose(0, 2, 1), weights[:, :, None]).reshape(N, STAGES, nx)
         pull = self.mesh.h[:, None, None] * np.einsum("ij,nia->nja", MATRIX, costate)
         pull = pull.reshape(-1, nx)
         bent = self.system.curvatures(*flat, pull) if along.second is None else along.curvature(pull)
@@ -282,35 +279,3 @@ class CollocationSystem(DiscreteSystem):
             moves[:, stage, nx:, nx + stage * nu : nx + (stage + 1) * nu] = np.eye(nu)
         flat_moves = moves.reshape(N * STAGES, nx + nu, n)
         return np.asarray((flat_moves.transpose(0, 2, 1) @ bent @ flat_moves).reshape(N, STAGES, n, n).sum(axis=1))
-
-
-def _newton_matrix(h: Array | float, A: Array) -> Array:
-    """Return ``1 - h MATRIX A`` of the points of a piece (..., STAGES, nx, nx), (..., STAGES nx, STAGES nx)."""
-    size = STAGES * A.shape[-1]
-    coupled = np.einsum("ij,...jab->...iajb", MATRIX, A)
-    return np.asarray(np.eye(size) - h * coupled.reshape(*A.shape[:-3], size, size))
-
-
-def _factored(matrix: Array) -> Factors:
-    """Return the triangular factors of a matrix; `ArithmeticError` of a singular one."""
-    from scipy.linalg.lapack import dgetrf
-
-    factors, pivots, info = dgetrf(matrix)
-    if info:
-        raise ArithmeticError("its equations are singular")
-    return factors, pivots
-
-
-def _solved(factors: Factors, right: Array) -> Array:
-    """Return what a factored matrix takes to the right side."""
-    from scipy.linalg.lapack import dgetrs
-
-    return np.asarray(dgetrs(*factors, right)[0])
-
-
-def _solved_each(matrices: Array, right: Array) -> Array:
-    """Return what matrices (N, n, n) take to right sides (N, n, m); `ArithmeticError` of a singular one."""
-    try:
-        return np.asarray(np.linalg.solve(matrices, right))
-    except np.linalg.LinAlgError:
-        raise ArithmeticError("its equations are singular") from None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from copy import copy
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,7 @@ from leastaction.numerics.public import public
 from leastaction.optimal.cost import Deviations, as_weight, clipped, deviations, final_of, matrix_of, owned_row, weigh
 from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
 from leastaction.optimal.discrete.system import check_window
+from leastaction.optimal.looking_back import Need
 from leastaction.optimal.space import StateSpace
 from leastaction.optimal.system import System, space_of
 
@@ -49,6 +50,12 @@ class Cost(ABC):
     nonnegative: bool = False
     """Whether no stage costs less than zero: a trial can then be given up as soon as its cost so far
     is past what it may cost in all."""
+
+    needs: tuple[Need, ...] = ()
+    """What it has to know of the step before, which `optimize` then makes a part of the state."""
+
+    before: Array | None = None
+    """Inputs (nu,) of the step before the first, where what it needs of them is known."""
 
     @abstractmethod
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
@@ -83,7 +90,7 @@ class Cost(ABC):
 
     def value(self, x: Array, u: Array) -> float:
         """Return the cost of ``x`` (N+1, nx), ``u`` (N, nu)."""
-        return float(np.sum(self.stage_values(x[:-1], u, 0))) + self.final_value(x[-1])
+        return float(np.add.reduce(self.stage_values(x[:-1], u, 0), axis=None)) + self.final_value(x[-1])
 
     def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
         """Return the cost of the stages ``start .. stop-1`` of a horizon of N with nu inputs, as a cost of its own.
@@ -104,6 +111,10 @@ class Cost(ABC):
     def wanted_states(self) -> Array | None:
         """The motion (N+1, nx) that it asks for, if there is one: `optimize` may look for gaps to close from there."""
         return None
+
+    def remembering(self, system: Any) -> Cost:
+        """Return it as a cost of states that hold what it `needs`: those of a given system, made of its own."""
+        raise NotImplementedError(f"{type(self).__name__} needs {self.needs} and does not say how: `remembering`")
 
     def misfit(self, x: Array) -> float | None:  # noqa: ARG002
         """Return by how much states (N+1, nx) miss what is wanted, where weights are one over the variances of noise.
@@ -355,6 +366,7 @@ class AddedCost(Cost):
 
     def __init__(self, cost: Cost, what: str, sizes: tuple[int, int, int]) -> None:
         self.cost, self.nonnegative = cost.over(sizes[0]), cost.nonnegative
+        self.needs, self.before = self.cost.needs, self.cost.before
         self._what, self._sizes = what, sizes
 
     def check_shapes(self, N: int, nx: int, nu: int) -> None:
@@ -376,6 +388,11 @@ class AddedCost(Cost):
         """Return the other cost eased, with the same price; see `Cost`."""
         found = self.cost.eased(ease)
         return None if found is None else (self._beside(found[0]), found[1])
+
+    def remembering(self, system: Any) -> Cost:
+        other = self._beside(system.cost_of(self.cost))
+        other.needs = ()
+        return other
 
     def _beside(self, cost: Cost, N: int | None = None) -> Self:
         """Return the same price beside another cost, of N steps where it is of others."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -36,6 +37,8 @@ class CostSum(Cost):
         for each in self.costs:
             require_instance(each, "costs", Cost, "such as a QuadraticCost")
         self.nonnegative = all(each.nonnegative for each in self.costs)
+        self.needs = tuple(sorted({need for each in self.costs for need in each.needs}))
+        self.before = next((each.before for each in self.costs if each.before is not None), None)
 
     def check_shapes(self, N: int, nx: int, nu: int) -> None:
         for each in self.costs:
@@ -60,6 +63,9 @@ class CostSum(Cost):
 
     def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
         return CostSum([each.window(start, stop, N=N, nu=nu) for each in self.costs])
+
+    def remembering(self, system: Any) -> Cost:
+        return CostSum([system.cost_of(each) for each in self.costs])
 
     @property
     def wanted_states(self) -> Array | None:

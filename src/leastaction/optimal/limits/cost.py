@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from math import isfinite
 
 import numpy as np
 
@@ -81,6 +82,12 @@ class LimitedCost:
         for each in self.others:
             found.flat[each.at] = each.rows.values(x, u)
         return found
+
+    def check(self, c: Sided, when: Callable[[int], str]) -> None:
+        """Complain about values along the motion to start from that are no numbers; see `Rows.check_values`."""
+        if not isfinite(float(np.add.reduce(c.flat))):
+            for rows, values in zip(self.rows, c, strict=True):
+                rows.check_values(values, when)
 
     # ---- Derivatives ------------------------------------------------------------------------------
 

@@ -96,6 +96,7 @@ class Duals:
         self._alone = columns.filled(alone).flat > 0.0
         self._dear = np.where(self._equal, _DEAR_EQUAL, _DEAR)
         self._in_equations = layout.spread(self._equal)
+        self._all_known = bool((self._known > 0.0).all())
         self._has_equations, self._has_hard = bool(self._equal.any()), bool(self._hard.any())
         self._other = self._other_sides()
         self.prices, self.scales = np.empty(0), np.empty(0)  # of all entries
@@ -109,10 +110,13 @@ class Duals:
         ``depths``: of all columns, what an excess of it may be at most, which is large for it then.
         """
         self.mu, columns = mu, self.layout.columns
-        seen = np.minimum(self.layout.largest(np.abs(c.flat, out=empty(c.flat.shape))), depths)
-        seen = np.maximum(seen, 1e-6 * (1.0 + self._size))
-        self.scale = Sided(np.where(self._known > 0.0, self._known, seen), columns)
-        prices = price * np.where(self._alone, dearer, 1.0)
+        scale = self._known
+        if not self._all_known:
+            seen = np.minimum(self.layout.largest(np.abs(c.flat, out=empty(c.flat.shape))), depths)
+            seen = np.maximum(seen, 1e-6 * (1.0 + self._size))
+            scale = np.where(self._known > 0.0, self._known, seen)
+        self.scale = Sided(scale, columns)
+        prices: Array | float = price if dearer == 1.0 else price * np.where(self._alone, dearer, 1.0)
         if self._has_hard:
             # Who begins at such a limit is not to be thrown off it.
             inside = self.layout.largest(_AT * self.layout.spread(self.scale.flat) - c.flat) == 0.0
@@ -168,8 +172,9 @@ class Duals:
     def settle_prices(self) -> None:
         """Take the prices and scales of all sides as they are now."""
         self.prices, self.scales = self.layout.spread(self.rho.flat), self.layout.spread(self.scale.flat)
-        prices = (self.rho.flat * self.scale.flat)[~self._hard]
-        self.dearest, self.cheapest = float(prices.max(initial=0.0)), float(prices.min(initial=np.inf))
+        prices = self.rho.flat * self.scale.flat
+        each: list[float] = (prices[~self._hard] if self._has_hard else prices).tolist()
+        self.dearest, self.cheapest = max(each, default=0.0), min(each, default=np.inf)
 
     def are_central(self, room: Room) -> bool:
         """Whether none times its slack, or what its price has left times its excess, is much more than the barrier's.
@@ -197,7 +202,7 @@ class Duals:
     def excess(self, c: Sided) -> float:
         """Return the largest violation of a limit, relative to its scale."""
         parts: Array = np.divide(c.flat, self.scales, out=empty(c.flat.shape))
-        return -float(parts.min(initial=0.0))
+        return -min(float(parts[parts.argmin()]), 0.0) if parts.size else 0.0
 
     def cost_of_excess(self, c: Sided) -> float:
         """Return what the violations of all limits cost at their prices."""
@@ -233,9 +238,9 @@ class Duals:
 
     def hopeless(self) -> bool:
         """Whether some limit is not enforced though its price is the dearest there is."""
-        beyond = np.multiply(self.prices, -_BINDING, out=empty(self.prices.shape))
-        beyond += np.abs(self.net(), out=empty(beyond.shape))
-        return bool(beyond.max(initial=0.0) > 0.0)
+        most = np.multiply(self.prices, _BINDING, out=empty(self.prices.shape))
+        net = np.abs(self.net(), out=empty(most.shape))
+        return bool(np.count_nonzero(np.greater(net, most, out=empty(most.shape, np.bool_))))
 
     def least_mu(self, digits: float) -> float:
         """Return the parameter below which the room that it leaves would be a part `digits` of a limit's size."""
@@ -297,18 +302,19 @@ class Duals:
             self.leeway.give_all_back()
         self.settle_prices()
 
-    def states(self, k: Sequence[Instants], c: Sided, duals: Sided, cost: float) -> tuple[LimitState, ...]:
-        """Return what is told of the limits, given their instants, values and duals, and the cost.
+    def states(
+        self, k: Sequence[Instants], c: Sided, duals: Sided, price: Array, cost: float
+    ) -> tuple[LimitState, ...]:
+        """Return what is told of the limits, given their instants, values, duals and prices, and the cost.
 
-        Nobody else writes to the instants.
+        Nobody else writes to these: what is told outlives the run, and is saved.
         """
         least, layout, y = max(_ACTIVE * self.mu, np.sqrt(self.mu * abs(cost))), self.layout, duals.flat
         enough = np.maximum(least / self.scale.flat, _HARDLY * layout.largest(y))
         active = np.greater(y, layout.spread(enough), out=empty(y.shape, np.bool_))
         active |= self._in_equations
-        # Copies: what is told outlives the run, and is saved.
-        told = c.flat, np.where(self._in_equations, y - y[self._other], y) if self._has_equations else y, self.rho.flat
-        value, dual, price = (read_only(copied(each)) for each in told)
+        net = np.where(self._in_equations, y - y[self._other], y) if self._has_equations else y
+        value, dual = read_only(c.flat), read_only(net)
         active.setflags(write=False)
         return tuple(
             made(

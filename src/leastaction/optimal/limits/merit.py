@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -71,6 +71,18 @@ class BarrierMerit(Merit):
         """Have another cost from now on."""
         self.cost, self.limited.cost, self._has_bends = cost, cost, None
         self.forget()
+
+    def note_cost(self, cost: float) -> None:
+        """Take the cost alone of the trajectory where it stands as known."""
+        self._cost = cost
+
+    def lend(self, curves: Sequence[tuple[Array, Array]]) -> None:
+        """Lend leeway to the obstacles that are on some curves (x, u)."""
+        leeway = self.duals.leeway
+        was_lent = leeway.is_lent
+        leeway.lend(self.limited.rows, curves)
+        if was_lent or leeway.is_lent:
+            self.forget_leeway()
 
     def forget_leeway(self) -> None:
         """Drop the values of the limits: they may have been lent other leeway."""

@@ -35,6 +35,7 @@ _EXACTLY = 1e-3  # violation, in parts of that, which no price would enforce any
 _FAR, _TELLING, _NEARLY = 1e-2, 1e3, 1e-4
 # Cost, and barriers in the end, beside that of the violations, up to which little but these counts.
 _LITTLE_BESIDE, _TRACES = 0.1, 1e-4
+_NONE = np.empty(0)  # values of no limits
 # Part of the goal of a rough tolerance that is asked for where limits are not met: what they are off by is a matter of
 # some more steps, where dearer excess would only bend the way to the minimum.
 _CLOSER = 1e-2
@@ -111,6 +112,7 @@ class BarrierStages:
     def report(self, k: Sequence[Instants], c: Sided, duals: Sided, cost: float) -> LimitReport:
         """Return what is told of the limits, given their instants, values and duals, and the cost without barriers."""
         own = self.duals
+        prices = read_only(copied(own.rho.flat))
         barrier = made(
             Barrier,
             size=self.size,
@@ -119,11 +121,12 @@ class BarrierStages:
             last_mu=self.last,
             duals=read_only(copied(own.y.flat)),
             scale=read_only(copied(own.scale.flat)),
-            prices=read_only(copied(own.rho.flat)),
+            prices=prices,
             leeway=_joined(own.leeway.whole),
             part=own.leeway.part,
         )
-        return LimitReport(own.states(k, c, duals, cost), own.mu, own.excess(c), barrier)
+        sides = own.states(k, c, duals, prices, cost)
+        return made(LimitReport, sides=sides, mu=own.mu, excess=own.excess(c), barrier=barrier)
 
     @property
     def _rough(self) -> bool:
@@ -246,4 +249,4 @@ class BarrierStages:
 
 
 def _joined(values: Iterable[Array]) -> Array:
-    return read_only(np.concatenate([np.empty(0), *values]))
+    return read_only(np.concatenate([_NONE, *values]))

@@ -31,13 +31,15 @@ def barrier_merit(
     return BarrierMerit(limited, stages, here)
 
 
-def depths(rows: Sequence[Rows], c: Sided, x: Array, u: Array) -> Array:
+def depths(rows: Sequence[Rows], c: Sided, x: Array, u: Array) -> Array | float:
     """Return how deep obstacles are whose size is not known, given the values of all limits; infinity of others.
 
     What is seen far away from an obstacle is no measure of it: to leap through it would cost too little.
     """
+    unknown = [i for i, each in enumerate(rows) if may_be_obstacle(each, x, u) and not each.scale.any()]
+    if not unknown:
+        return np.inf
     found = Sided(np.full(c.layout.columns.ends[-1], np.inf), c.layout.columns)
-    for i, each in enumerate(rows):
-        if may_be_obstacle(each, x, u) and not each.scale.any():
-            found[i] = each.depths(c[i], x, u)
+    for i in unknown:
+        found[i] = rows[i].depths(c[i], x, u)
     return found.flat

@@ -45,7 +45,7 @@ class Directions:
         ever shorter ones (Levenberg-Marquardt). Raises `EndFound` at a minimum.
         """
         run = self.run
-        shift, methods = run.schedule.shift, self._methods()
+        goal, shift, methods = run.goal, run.schedule.shift, self._methods()
         while shift < run.problem.largest_shift:
             searched = False
             for method in methods:
@@ -55,12 +55,12 @@ class Directions:
                     self._end_drowned()
                 direction = self._direction(method, shift)
                 if method == methods[0] == "quasi-newton" and shift == 0.0:
-                    direction = self._unless_newton_will_do(direction)
+                    direction = self._unless_newton_will_do(direction, goal)
                 if isinstance(direction, str):
                     notes.append(f"{method}: {direction}")
                     run.note_failure(method)
                     continue
-                if run.stalled or -direction.slope <= run.goal:
+                if run.stalled or -direction.slope <= goal:
                     if shift > run.schedule.shift:
                         return  # So short a step leads nowhere.
                     direction = self._confirm(direction)
@@ -99,7 +99,7 @@ class Directions:
         found: Direction = problem.direction(f"{method}{damped}{shifted}", model, scale, shift)
         return found
 
-    def _unless_newton_will_do(self, direction: Direction | str) -> Direction | str:
+    def _unless_newton_will_do(self, direction: Direction | str, goal: float) -> Direction | str:
         """Return a quasi-Newton direction; that of Newton's method, where one step of it is foretold to be the last.
 
         The undamped model has to be looked at in the end anyway, to tell the minimum from a saddle.
@@ -108,7 +108,7 @@ class Directions:
         tells = run.is_automatic and run.schedule.full and problem.tells_saddles and problem.has_curvature
         if isinstance(direction, str) or not tells:
             return direction
-        expected, goal = -direction.slope, run.goal
+        expected = -direction.slope
         if expected <= goal or _after_newton(expected, run.schedule) > goal:
             return direction
         model = problem.minimise_model("newton", 1.0)

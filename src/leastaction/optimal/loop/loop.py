@@ -85,7 +85,7 @@ class Loop:
                 if step.trial is not None:
                     return self._accept(direction, step, step.trial, "; ".join([*run.remarks(), *notes]))
                 if run.trusts_its_start:
-                    run.note_model(np.inf)
+                    run.doubt_model()
                     return None
                 refusal = step.refusal
                 assert refusal is not None
@@ -118,8 +118,7 @@ class Loop:
         agreement = decrease / max(0.5 * expected, 1e-300)
         before = run.schedule
         share = decrease / max(problem.promised(direction, step.length), 1e-300)  # NaN where nothing was promised
-        run.note_step(direction, step, decrease, agreement, trial.cost)
-        run.note_model(share)
+        run.note_step(direction, step, decrease, agreement, trial.cost, share)
         foretold = None
         if not (run.stalled or before.wary) and step.length == 1.0 and direction.method == "newton":
             foretold = self.directions.foretold(before, expected, share)

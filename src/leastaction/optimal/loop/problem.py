@@ -12,6 +12,8 @@ from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.result import OptimizationResult, Status
 
+_now = time.perf_counter
+
 
 class Clock:
     """Adds up the seconds spent in each part of the work."""
@@ -19,10 +21,11 @@ class Clock:
     def __init__(self) -> None:
         self.began = time.perf_counter()
         self.timings = dict.fromkeys(("linearize", "curvature", "lq", "rollout"), 0.0)
+        self._parts = {part: _Part(self.timings, part) for part in self.timings}
 
     def __call__(self, part: str) -> _Part:
-        """Count the time inside of a ``with`` to a part."""
-        return _Part(self.timings, part)
+        """Count the time inside of a ``with`` to a part, which does not stand within another of the same."""
+        return self._parts[part]
 
     @property
     def seconds(self) -> float:
@@ -31,7 +34,7 @@ class Clock:
 
 
 class _Part:
-    """The time inside of a ``with``; a class, because short iterations have many and a generator takes longer."""
+    """The time inside of each ``with``: short iterations have many."""
 
     __slots__ = ("began", "part", "timings")
 
@@ -39,10 +42,10 @@ class _Part:
         self.timings, self.part = timings, part
 
     def __enter__(self) -> None:
-        self.began = time.perf_counter()
+        self.began = _now()
 
     def __exit__(self, *_: object) -> None:
-        self.timings[self.part] += time.perf_counter() - self.began
+        self.timings[self.part] += _now() - self.began
 
 
 class ModelSolution(Protocol):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from leastaction.numerics.frozen import changed
+from leastaction.numerics.frozen import changed, made
 from leastaction.optimal.line_search import SearchStep
 from leastaction.optimal.loop.problem import Direction, Problem
 from leastaction.optimal.memory import Memory, Nearer, Resolved
@@ -12,9 +12,9 @@ from leastaction.optimal.options import Options
 from leastaction.optimal.result import HistoryBuilder, OptimizationResult
 from leastaction.optimal.schedule import NewtonSchedule
 
-# First steps by which a run is judged, those of them that are cut short where it is likely to get lost, and the length
-# below which a step is.
-_FIRST_STEPS, _MOST, _CUT = 14, 10, 0.3
+FIRST_STEPS = 14
+"""First steps by which a run is judged."""
+_MOST, _CUT = 10, 0.3  # first steps that are cut short where a run is likely to get lost; and the length below which
 
 # Part of the cost below which an expected decrease is that of a run that creeps towards its end: it is not lost.
 _CREEPING = 1e-4
@@ -60,7 +60,7 @@ class Run:
         if resume is None:
             self.history = HistoryBuilder()
             self.limit = settings.max_iterations
-            self.schedule = NewtonSchedule(holds=problem.begins_at_minimum)
+            self.schedule = made(NewtonSchedule, holds=problem.begins_at_minimum)
         else:
             self.history = HistoryBuilder(resume.history)
             self.limit = settings.max_iterations + resume.iterations
@@ -111,14 +111,9 @@ class Run:
         return self.schedule.holds and self.history.iterations == 0
 
     @property
-    def has_just_begun(self) -> bool:
-        """Whether it has made the steps by which `was_violent` judges, and no more."""
-        return self.history.iterations == _FIRST_STEPS
-
-    @property
     def was_violent(self) -> bool:
         """Whether most of the first steps had to be cut short: the run is likely to get lost."""
-        return sum(length < _CUT for length in self.history.step_lengths[:_FIRST_STEPS]) >= _MOST
+        return sum(length < _CUT for length in self.history.step_lengths[:FIRST_STEPS]) >= _MOST
 
     @property
     def creeps(self) -> bool:
@@ -132,8 +127,8 @@ class Run:
         return (
             (last.method == "newton" or (last.method == "quasi-newton" and last.holds))
             and last.length >= _FULL
-            and _AFTER * last.expected <= self.goal
             and self.problem.stages.is_passing
+            and _AFTER * last.expected <= self.goal
         )
 
     def set_out(self, schedule: NewtonSchedule, why: str = "") -> None:
@@ -169,25 +164,24 @@ class Run:
             self.schedule = changed(self.schedule, shift=shift)
 
     def note_step(
-        self, direction: Direction, step: SearchStep[Any], decrease: float, agreement: float, cost: float
+        self, direction: Direction, step: SearchStep[Any], decrease: float, agreement: float, cost: float, share: float
     ) -> None:
         """Remember a step that is to be accepted.
 
         ``decrease``: by how much it lowers the cost. ``agreement``: that in parts of what the model promised. ``cost``:
-        that after it.
+        that after it. ``share``: the decrease in parts of what the model had foretold of that length.
         """
         self.still = self.still + 1 if decrease <= self.problem.noise else 0
         # Whether that is at a minimum or at a saddle is looked at before the next step.
         self.stalled = self.still >= self.problem.stages.patience
         self.schedule = self.schedule.after_step(
-            direction.method, direction.curvature_scale, step.length, agreement, -direction.slope, cost
-        )
-        if self.problem.sees_walls and step.rollouts == 1:
-            self.schedule = changed(self.schedule, length=1.0)
+            direction.method, direction.curvature_scale, step.length, agreement, -direction.slope, cost,
+            held=abs(share - 1.0) < _HOLDS, free=step.rollouts == 1 and self.problem.sees_walls,
+        )  # fmt: skip
 
-    def note_model(self, share: float) -> None:
-        """Remember whether the model of a step holds, which lowered the cost by a share of what it had foretold."""
-        self.schedule = changed(self.schedule, holds=abs(share - 1.0) < _HOLDS)
+    def doubt_model(self) -> None:
+        """Remember that a model does not hold."""
+        self.schedule = changed(self.schedule, holds=False)
 
     def remarks(self) -> list[str]:
         """Return what is to be said of the stage that an iteration begins."""

@@ -16,13 +16,15 @@ from leastaction.optimal.schedule import NewtonSchedule
 # Where a stage of the problem may be followed by the next.
 _ENDS = (Status.CONVERGED, Status.STALLED)
 
+# How a run ends that is cut off wherever it stands.
+_CUT_OFF = (Status.ITERATION_LIMIT, Status.STOPPED_BY_CALLBACK)
+
 
 class StageSequence:
     """The stages of a run, and the ways to begin again: in their order, each once, for the automatic choice only."""
 
     def __init__(self, run: Run, ways: Sequence[Way] = ()) -> None:
         self.run, self.ways = run, tuple(ways)
-        self.ahead = tuple(way for way in ways if way.looks_ahead)
 
     def look(self) -> None:
         """Leave a stage that has lasted too long, or a run that is about to get lost.
@@ -32,8 +34,8 @@ class StageSequence:
         run = self.run
         if run.schedule.spent >= (run.problem.stages.longest or np.inf) or run.foresees_end:
             self._next()
-        else:
-            self._begin(None)
+        elif self.run.is_automatic and (ahead := [way for way in self.ways if run.history.iterations in way.ahead]):
+            self._begin(None, ahead)
 
     def go_on(self, outcome: Outcome) -> bool:
         """Return whether there is more to do where a stage ended so."""
@@ -46,7 +48,7 @@ class StageSequence:
         elif stuck and stages.relent():
             self.run.set_out(NewtonSchedule(), "what led nowhere is made again, with other prices or without leeway")
             return True
-        return self._begin(outcome)
+        return outcome.status not in _CUT_OFF and self._begin(outcome, self.ways)
 
     def verdict(self, outcome: Outcome) -> Outcome:
         """Return another outcome than that of the last stage's minimum, if the problem or a way has one."""
@@ -57,12 +59,11 @@ class StageSequence:
             outcome = way.judge(self.run, outcome)
         return outcome
 
-    def _begin(self, outcome: Outcome | None) -> bool:
-        """Begin again by the first way that applies; whether there is one."""
+    def _begin(self, outcome: Outcome | None, ways: Sequence[Way]) -> bool:
+        """Begin again by the first of some ways that applies; whether there is one."""
         run = self.run
         if not (run.is_automatic and run.problem.begins_again):
             return False
-        ways = self.ahead if outcome is None else self.ways
         return any(way.applies(run, outcome) and way.begin(run, outcome) for way in ways)
 
     def _next(self) -> bool:
@@ -80,5 +81,5 @@ class StageSequence:
             return False
         run.set_out(NewtonSchedule(), "the gaps did not close, back to where it stood")
         if run.was_violent and not run.problem.sees_walls:
-            self._begin(LOST)
+            self._begin(LOST, self.ways)
         return True

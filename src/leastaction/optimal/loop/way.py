@@ -30,8 +30,8 @@ class Way:
     begin : callable
         ``begin(run, outcome)`` begins again, and returns whether that could be done. If not, the run stands where it
         stood.
-    looks_ahead : bool
-        Whether it may be worth trying before an iteration.
+    ahead : tuple of int
+        Iterations made before which it may be worth trying though no stage has ended.
     judge : callable
         ``judge(run, outcome)`` returns how a run has ended at the minimum of its last stage.
     """
@@ -39,5 +39,5 @@ class Way:
     name: str
     applies: Callable[[Run, Outcome | None], bool]
     begin: Callable[[Run, Outcome | None], bool]
-    looks_ahead: bool = False
+    ahead: tuple[int, ...] = ()
     judge: Callable[[Run, Outcome], Outcome] = _as_it_is

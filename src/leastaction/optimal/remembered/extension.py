@@ -18,7 +18,7 @@ from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.looking_back import Need, needs_of
 from leastaction.optimal.loop import Callback
 from leastaction.optimal.options import Options
-from leastaction.optimal.remembered.cost import RememberedCost
+from leastaction.optimal.remembered.cost import weight_with
 from leastaction.optimal.remembered.system import RememberingSystem
 from leastaction.optimal.result import IterationRecord, OptimizationResult
 from leastaction.optimal.unknowns.periodic import Periodic
@@ -26,9 +26,9 @@ from leastaction.optimal.unknowns.periodic import Periodic
 _LOOK_BACK = ("input rate", "acceleration")  # kinds of quantities that may need the step before
 
 
-def needed_by(limits: Sequence[Limit], system: DiscreteSystem, first: int) -> list[Need]:
-    """Return what some limits of a system need to be remembered: inputs first."""
-    found: set[Need] = set()
+def needed_by(limits: Sequence[Limit], cost: Cost, system: DiscreteSystem, first: int) -> list[Need]:
+    """Return what some limits, and a cost, of a system need to be remembered: inputs first."""
+    found: set[Need] = set(cost.needs)
     for limit in limits:
         stated = limit.limit if isinstance(limit, FromSecond) else limit
         if getattr(stated, "of", None) in _LOOK_BACK:
@@ -53,6 +53,11 @@ class OwnLimit(Limit):
         return [replace(row, quantity=system.looking(row.quantity)) for row in rows]
 
 
+def own_limits(limits: Sequence[Limit]) -> list[Limit]:
+    """Return limits that are stated of a system, for one that remembers."""
+    return [each if isinstance(each, Bound | Periodic) else OwnLimit(each) for each in limits]
+
+
 class Remembered:
     """The system that remembers and its cost, and the way there and back for all that is given and returned."""
 
@@ -61,23 +66,23 @@ class Remembered:
         # What returns is before the first step as it is before what would come after the last.
         places = [place for each in limits if isinstance(each, Periodic) for place in each.entries(system)]
         returning = [need for need in needs if places and (need[0] == "input" or need[1] in places)]
-        self.system = RememberingSystem(system, needs, returning)
-        self.cost = RememberedCost(cost, self.system)
-        self.limits: list[Limit] = [each if isinstance(each, Bound | Periodic) else OwnLimit(each) for each in limits]
+        self.system = RememberingSystem(system, needs, returning, cost.before)
+        self.cost = self.system.cost_of(cost)
+        self.limits = own_limits(limits)
 
     def settings(self, given: Options) -> Options:
         """Return options for the system that remembers: a projection acts on the system's own states."""
         projection, N, n = given.projection, self.own.N, self.own.ndx
         if projection is None:
             return given
-        more = len(self.system.needs)
+        more = self.system.memory.ndx
         if not isinstance(projection, Mapping):
             K = as_array(projection, "projection", (N, self.own.nu, n), meaning="(N, nu, nx), gains")
             return given.changed(projection=np.concatenate([K, np.zeros((*K.shape[:2], more))], axis=2))
         weights = dict(projection)
         for name in {"Q", "Q_final"}.intersection(weights):
             stages = None if name == "Q_final" else N
-            weights[name] = self.cost.weight(as_weight(weights[name], name, n, stages=stages, definite=False))
+            weights[name] = weight_with(as_weight(weights[name], name, n, stages=stages, definite=False), more)
         return given.changed(projection=weights)
 
     def start(self, initial: Any) -> Any:

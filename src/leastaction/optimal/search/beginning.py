@@ -77,8 +77,7 @@ class Beginning:
         x, u = map(read_only, (found.x, found.u) if found is not None else initial)
         self._set_out_from(x, u)
         if self.parts.barrier is not None:
-            for rows, values in zip(self.parts.rows, self.parts.barrier.limits(), strict=True):
-                rows.check_values(values, self.parts.system.when)
+            self.parts.barrier.limited.check(self.parts.barrier.limits(), self.parts.system.when)
             self.put_limits_in(found)
         begun = self.begun
         if self.parts.curve is None:
@@ -180,34 +179,33 @@ class Beginning:
 
         ``found``: an earlier result, whose duals are known. ``resumed``: whether this is where it ended.
         """
-        barrier = self.parts.barrier
+        barrier, x, u = self.parts.barrier, self.parts.x, self.parts.u
         if barrier is None:
             return
         if not resumed:
-            ahead = self._ahead()
-            barrier.forget_leeway()
-            barrier.duals.leeway.lend(self.parts.rows, [(self.parts.x, self.parts.u), *ahead])
+            barrier.lend([(x, u), *self._ahead()])
         # Costs are those of the plain merit still: of a trajectory the value itself.
         shown = self.parts.plain.plain_value()
         barrier.stages.begin(
             shown,
             barrier.limits(),
             lambda: self.parts.asked.value(np.zeros_like(self.parts.x), np.zeros_like(self.parts.u)),
-            depths(self.parts.rows, barrier.asked(), self.parts.x, self.parts.u),
+            depths(self.parts.rows, barrier.asked(), x, u),
         )
         for rows in self.parts.rows:
-            rows.check(self.parts.x, self.parts.u)
-            rows.check_start(self.parts.x[0])
-        self.parts.put_in(barrier)
+            rows.check(x, u)
+            rows.check_start(x[0])
+        self.parts.put_in(barrier, shown)
         if found is not None:
             barrier.stages.take(found.limits, resumed=resumed, changed=abs(shown - found.cost))
-        barrier.forget_leeway()
+            barrier.forget_leeway()
         self.parts.set_out()
 
     def _ahead(self) -> list[tuple[Array, Array]]:
         """Return where a few iterations without obstacles lead from a start that does not say how to pass them."""
-        obstacles = [rows for rows in self.parts.rows if may_be_obstacle(rows, self.parts.x, self.parts.u)]
-        if self.parts.here.is_open or not any(stands_still(rows, self.parts.x, self.parts.u) for rows in obstacles):
+        x, u = self.parts.x, self.parts.u
+        obstacles = [rows for rows in self.parts.rows if may_be_obstacle(rows, x, u)]
+        if self.parts.here.is_open or not any(stands_still(rows, x, u) for rows in obstacles):
             return []
         found = self.found_with([rows for rows in self.parts.rows if rows not in obstacles], _AHEAD)
         return [] if found is None else [(found.x, found.u)]

@@ -171,9 +171,10 @@ class SearchParts:
         self.models.merit, self.limits = self.plain, None
         self.set_saddles()
 
-    def put_in(self, barrier: BarrierMerit) -> None:
-        """Minimise the cost with the barriers of the limits from now on."""
+    def put_in(self, barrier: BarrierMerit, cost: float) -> None:
+        """Minimise the cost with the barriers of the limits from now on; ``cost``: that alone, where it stands."""
         self.models.merit = self.limits = barrier
+        barrier.note_cost(cost)
 
     def open(self, start: Start, *, still: bool = False) -> Refusal | None:
         """Stand at a curve with its gaps, or return why that is not possible.

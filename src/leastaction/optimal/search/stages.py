@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from leastaction.numerics.pool import empty
 from leastaction.optimal.iterates.curve import LONGEST_WITH_GAPS
 from leastaction.optimal.loop import Stages
 from leastaction.optimal.result import Status
@@ -130,9 +131,11 @@ class DiscreteStages(Stages):
         more = limits.stages.advance(limits.plain_value(), limits.limits(), moved=moved)
         if was_lent:
             limits.forget_leeway()  # there may be less of it
+        after = limits.duals.y.flat
         limits.forget_room()  # it is one of other prices, even where there is no more
-        curvature = models.curvature if np.array_equal(before, limits.duals.y.flat) else None
         if more:
+            moved_duals = np.count_nonzero(np.not_equal(before, after, out=empty(after.shape, np.bool_)))
+            curvature = None if moved_duals else models.curvature
             parts.set_out()
             models.curvature = curvature  # of the same duals
         return more

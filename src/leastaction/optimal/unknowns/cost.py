@@ -73,8 +73,9 @@ class ExtendedCost(Cost):
     def moved(self, rows: Array) -> Array:
         """Return derivatives (..., nx) by the extended state of those (..., n) by the system's own."""
         n, end = self.n_own, self.changes.stop
-        whole = np.empty((*rows.shape[:-1], self.nx))
-        whole[..., :n], whole[..., n:end], whole[..., end:] = rows, 0.0, rows[..., self.system.kept]
+        whole = np.zeros((*rows.shape[:-1], self.nx))
+        whole[..., :n] = rows
+        whole[..., end : end + len(self.system.copied)] = rows[..., self.system.kept_moves]
         return whole
 
     def padded(self, weight: Array) -> Array:

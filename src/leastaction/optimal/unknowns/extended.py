@@ -27,33 +27,53 @@ class Extended(System):
     """A system with parameters, and entries of its first state, as constant states; those entries count from there.
 
     ``system``: with the parameters, at values of its own. ``copied``: entries of the state whose first values are kept.
-    ``free_start``: what of the system's own initial state is free.
+    ``free_start``: what of the system's own initial state is free. ``moves``: the directions of a state that are
+    copied, if these are others than the entries. ``turns``: first number and first direction of the rotations that are
+    kept: these do not count from there, and stand behind all else.
     """
 
     system: Any
 
     def __init__(
-        self, system: Any, parameters: Sequence[str], copied: Sequence[int], free_start: bool | Sequence[str]
+        self,
+        system: Any,
+        parameters: Sequence[str],
+        copied: Sequence[int],
+        free_start: bool | Sequence[str],
+        *,
+        moves: Sequence[int] | None = None,
+        turns: Sequence[tuple[int, int]] = (),
     ) -> None:
         self.system, self.names, self.free_start = system, tuple(parameters), free_start
         self.copied = np.array(copied, dtype=np.intp)
+        self.copied_moves = self.copied if moves is None else np.array(moves, dtype=np.intp)
+        self.turns = np.array(turns, dtype=np.intp).reshape(-1, 2)
         self.n_own, self.d_own, self.nu = system.nx, system.ndx, system.nu
-        self.at_copies = self.n_own + len(self.names)
-        self.nx = self.at_copies + len(self.copied)
+        self.at_copies, self.at_copied_moves = self.n_own + len(self.names), self.d_own + len(self.names)
+        self.at_turns = self.at_copies + len(self.copied)
+        self.nx = self.at_turns + 4 * len(self.turns)
         self.has_curvature = system.has_curvature
         # As a slice, which copies nothing, where they follow each other.
         self.kept: Any = as_slice(self.copied)
+        self.kept_moves: Any = as_slice(self.copied_moves)
+        turned = np.arange(4), np.arange(3)
+        self.turned, self.turned_moves = (
+            (first[:, None] + each).ravel() for first, each in zip(self.turns.T, turned, strict=True)
+        )
         # How the system's own state follows from the extended one.
         own = np.eye(self.n_own)
         self.moves = np.hstack([own, np.zeros((self.n_own, len(self.names))), own[:, self.copied]])
         free = set(range(self.n_own if free_start is True else 0))
         if not isinstance(free_start, bool):
             free = set(system.free_entries(free_start))
-        told = free.intersection(self.copied.tolist())
-        self._told = np.array([i in told for i in range(self.n_own)], dtype=np.bool_)  # by equations, of the start
+        self._told = np.zeros(self.n_own if moves is None else self.d_own, dtype=np.bool_)  # by equations, of the start
+        told = [move for number, move in zip(self.copied, self.copied_moves, strict=True) if int(number) in free]
+        self._told[told] = True
+        for number, move in self.turns.tolist():
+            self._told[move : move + 3] = number in free
         # Where the entries of [y; u] are among those of [x; p; u]: c moves what is kept.
-        inputs = self.at_copies + np.arange(self.nu)
-        self._places = np.concatenate([np.arange(self.at_copies), self.copied, inputs])
+        inputs = self.at_copied_moves + np.arange(self.nu)
+        self._places = np.concatenate([np.arange(self.at_copied_moves), self.copied_moves, inputs])
 
     @property
     def final_time(self) -> int | None:
@@ -86,7 +106,7 @@ class Extended(System):
         """Return the system's own states of such of the extended system."""
         own = x[..., : self.n_own].copy()
         if len(self.copied):
-            own[..., self.kept] += x[..., self.at_copies :]
+            own[..., self.kept] += x[..., self.at_copies : self.at_turns]
         return own
 
     def extended(self, x: Array, values: Array) -> Array:
@@ -94,8 +114,9 @@ class Extended(System):
         first = (x if x.ndim == 1 else x[0])[self.kept]
         whole = np.empty((*x.shape[:-1], self.nx))
         whole[..., : self.n_own], whole[..., self.n_own : self.at_copies] = x, values
-        whole[..., self.at_copies :] = first
+        whole[..., self.at_copies : self.at_turns] = first
         whole[..., self.kept] -= first
+        whole[..., self.at_turns :] = (x if x.ndim == 1 else x[0])[self.turned]
         return whole
 
     # ---- Derivatives ------------------------------------------------------------------------------
@@ -118,7 +139,13 @@ class Extended(System):
 
     def _by_extended(self, H: Array) -> Array:
         """Return second derivatives by ``[y; u]``, given those by ``[x; p; u]``."""
-        return H[:, self._places[:, None], self._places] if len(self.copied) else H
+        moved = H[:, self._places[:, None], self._places] if len(self.copied) else H
+        if not len(self.turns):
+            return moved
+        at = np.concatenate([np.arange(self.ndx - 3 * len(self.turns)), self.ndx + np.arange(self.nu)])
+        whole = np.zeros((len(H), self.ndx + self.nu, self.ndx + self.nu))
+        whole[:, at[:, None], at] = moved
+        return whole
 
     # ---- Its start --------------------------------------------------------------------------------
 
@@ -141,15 +168,19 @@ class Extended(System):
             system = self.at(self.values(x))
             whole[:n, Z.shape[1] :] = system.start_by_parameters(own, self.names, self.free_start)
             whole[n : n + count, Z.shape[1] :] = np.eye(count)
-        whole[n + count :] = whole[self.kept]
-        whole[self.kept] = 0.0
+        copies = n + count + len(self.copied)
+        whole[n + count : copies] = whole[self.kept_moves]
+        whole[self.kept_moves] = 0.0
+        whole[copies:] = whole[self.turned_moves]
         return whole
 
     def moved_start(self, x: Array, dx: Array) -> Array:
         values = self.values(x) + dx[self.d_own : self.d_own + len(self.names)]
         own = self.own(x)
         if self.free_start is not False:
-            own = self.at(values).moved_start(own, self.own(dx) if self.space is None else dx[: self.d_own])
+            change = dx[: self.d_own].copy()
+            change[self.kept_moves] += dx[self.at_copied_moves : self.at_copied_moves + len(self.copied)]
+            own = self.at(values).moved_start(own, change)
         return self.extended(own, values)
 
     # ---- What it is asked -------------------------------------------------------------------------

@@ -17,12 +17,15 @@ from leastaction.optimal.looking_back import BEFORE
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
 from leastaction.optimal.system import System
 from leastaction.optimal.unknowns.extended import Extended
+from leastaction.optimal.unknowns.returning import TurnedBack
 
 
 @public
 @dataclass(frozen=True)
 class Periodic(Limit):
     """Equations ``x_N = x_0 + offset`` of entries of the state, for a motion that may go on like this for ever.
+
+    A rotation that is a quaternion returns as a whole, as it was: ``log(q_0^-1 q_N) = 0``.
 
     A limit on how fast inputs change, or on accelerations, holds from the last step to the first as well, where all
     that it is of returns: inputs always do.
@@ -87,7 +90,8 @@ class Periodic(Limit):
                 "are free to `optimize`; to come back to a given state, ask for `Equal` at the end"
             )
         own: System = extended.system
-        places = np.array(self.entries(own), dtype=np.intp)
+        entries = set(self.entries(own))
+        places = np.array([i for i in extended.copied.tolist() if i in entries], dtype=np.intp)
         labels = [own.returning_name(i) for i in places.tolist()]
         names = [label.removesuffix(BEFORE) for label in labels]
         rows = []
@@ -104,7 +108,35 @@ class Periodic(Limit):
                 quantity = _Turning(change, offset[0], np.array([self.modulo[name] for name in some]))
             k, scale = np.array([system.N], dtype=np.intp), np.ones(len(some))
             rows += [Rows(str(self), quantity, sign, offset, k, scale, equal=True) for sign in (1.0, -1.0)]
+        turned = self._turned_back(extended, entries)
+        if turned is not None:
+            k, nothing = np.array([system.N], dtype=np.intp), np.zeros((1, len(turned.names)))
+            scale = np.ones(len(turned.names))
+            rows += [Rows(str(self), turned, sign, nothing, k, scale, equal=True) for sign in (1.0, -1.0)]
         return rows
+
+    def _turned_back(self, extended: Extended, entries: set[int]) -> TurnedBack | None:
+        """Return the rotations that return, by what each is off from the first."""
+        own: System = extended.system
+        chosen = [j for j, first in enumerate(extended.turns[:, 0].tolist()) if first in entries]
+        numbers = [own.returning_name(i) for j in chosen for i in range(*_four(extended.turns[j, 0]))]
+        for what in ("offset", "modulo"):
+            for name in getattr(self, what):
+                if name in numbers:
+                    raise ArgumentError(
+                        f"{self}: {what}: got {name!r}, a number of a rotation, which returns as it was; expected "
+                        "other entries"
+                    )
+        if not chosen:
+            return None
+        copies, directions = extended.at_turns, extended.at_copied_moves + len(extended.copied)
+        at = np.array([[extended.turns[j, 0], copies + 4 * j] for j in chosen], dtype=np.intp)
+        moves = np.array([[extended.turns[j, 1], directions + 3 * j] for j in chosen], dtype=np.intp)
+        return TurnedBack([name for i, name in enumerate(numbers) if i % 4], at, moves)
+
+
+def _four(first: int) -> tuple[int, int]:
+    return int(first), int(first) + 4
 
 
 class _Turning(Quantity):

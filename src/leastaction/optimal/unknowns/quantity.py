@@ -36,18 +36,18 @@ class ExtendedQuantity(QuantityView):
         super().__init__(own)
         self.system, self.of, self.changing = system, of, changing
         self.fixed = not len(changing)
-        n, nx, nu = system.d_own, system.ndx, system.nu
+        n, nx, nu, copied, at = system.d_own, system.ndx, system.nu, system.copied_moves, system.at_copied_moves
         if own.by_entries:
-            n, nx = system.n_own, system.nx
+            n, nx, copied, at = system.n_own, system.nx, system.copied, system.at_copies
         places = self._own_places(n, nu)
         # How the system's own entries and the parameters follow from entries of the extended system.
         count = len(self.changing)
-        kept = (places[:, None] == system.copied) | (places[:, None] == n + nu + system.copied)
+        kept = (places[:, None] == copied) | (places[:, None] == n + nu + copied)
         moved = np.flatnonzero(kept.any(axis=0))
         kept = np.vstack([kept[:, moved], np.zeros((count, len(moved)))])
         self._moves = np.hstack([np.eye(len(places) + count), kept]) if len(moved) else None
         own_places = np.where(places < n, places, places + nx - n)
-        self._columns = np.concatenate([own_places, n + self.changing, system.at_copies + moved])
+        self._columns = np.concatenate([own_places, n + self.changing, at + moved])
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002 - those of the extended system
         """Return the places of the system's own entries, of the parameters, and of what is kept of the first state."""

@@ -3,7 +3,8 @@
 ``y = [x of the system, less c where that is kept; parameters p; entries c of the first state]`` with ``p+ = p`` and
 ``c+ = c``: its linear-quadratic problems, duals and limits are then those of any system with a free initial state.
 What returns is stated as a change from c, so that what depends little on c, such as on the place of a walker, is not
-lost in the rounding of stiff equations ``x_N - c = 0``.
+lost in the rounding of stiff equations ``x_N - c = 0``. Rotations do not count from c, as there is no rotation less
+another: of them c is a rotation as well, and ``log(c^-1 q_N) = 0``.
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
 from leastaction.optimal.quantity import Quantity
-from leastaction.optimal.space import ProductSpace, Vectors
+from leastaction.optimal.space import ProductSpace, Rotations, Vectors, apart
 from leastaction.optimal.system import FINAL_TIME, Linearization
 from leastaction.optimal.unknowns.extended import Extended, by_differences
+from leastaction.optimal.unknowns.returning import Returning
 
 Along = Callable[[Array], tuple[Array, Array, Array]]
 """Returns a system's A, B and derivatives by parameters at values of these."""
@@ -41,11 +43,20 @@ class ExtendedSystem(Extended, DiscreteSystem):
     def __init__(
         self, system: DiscreteSystem, parameters: Sequence[str], copied: Sequence[int], free_start: bool | Sequence[str]
     ) -> None:
-        super().__init__(system, parameters, copied, free_start)
+        kept = Returning.of(system, copied, "Periodic")
+        super().__init__(
+            system, parameters, kept.numbers.tolist(), free_start, moves=kept.moves.tolist(), turns=kept.turns
+        )
         self.N = system.N
-        charts = system.charts()
+        own = np.eye(self.d_own)
+        nothing = np.zeros((self.d_own, len(self.names))), np.zeros((self.d_own, len(self.turned_moves)))
+        self.moves = np.hstack([own, nothing[0], own[:, self.copied_moves], nothing[1]])
+        charts, self._constants = system.charts(), None
         if charts is not None:
-            self.space = ProductSpace(charts, Vectors(len(self.names)))
+            self._constants = ProductSpace(
+                Vectors(len(self.names) + len(self.copied)), *(Rotations() for _ in self.turns)
+            )
+            self.space = ProductSpace(charts, self._constants)
 
     def at(self, values: Array) -> DiscreteSystem:
         return self.system.with_parameters(self.named(values)) if self.names else self.system
@@ -60,7 +71,7 @@ class ExtendedSystem(Extended, DiscreteSystem):
 
     def f(self, x: Array, u: Array, k: int) -> Array:
         own = self.at(self.values(x)).f(self.own(x), u, k)
-        own[self.kept] -= x[self.at_copies :]
+        own[self.kept] -= x[self.at_copies : self.at_turns]
         return np.concatenate([own, x[self.n_own :]])
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
@@ -96,12 +107,13 @@ class ExtendedSystem(Extended, DiscreteSystem):
         part = slice(start, stop)
         # Constants stay, so their feedback is known beforehand.
         u, gain = ubar.copy(), K[part, :, d:].copy()
-        gain[:, :, len(self.names) :] -= K[part][:, :, self.kept]
-        u[part] -= np.einsum("kij,kj->ki", gain, constants - xbar[part, n:])
+        copies = slice(len(self.names), len(self.names) + len(self.copied))
+        gain[:, :, copies] -= K[part][:, :, self.kept_moves]
+        u[part] -= np.einsum("kij,kj->ki", gain, apart(self._constants, constants[None], xbar[part, n:]))
         out = system.rollout(self.own(x0), self.own(xbar), u, K[:, :, :d], start, stop)
         x = np.empty((len(out.x), self.nx))
         x[:, :n], x[:, n:] = out.x, constants
-        x[:, self.kept] -= x0[self.at_copies :]
+        x[:, self.kept] -= x0[self.at_copies : self.at_turns]
         return Rollout(x, out.u, out.steps_done, out.failure, out.worst_step, out.worst_at)
 
     def step_each(self, x: Array, u: Array) -> Rollout:
@@ -112,7 +124,7 @@ class ExtendedSystem(Extended, DiscreteSystem):
             return Rollout(x[:0], u[:0], 0, f"{self.when(0)}: {error}")
         made = system.step_each(self.own(x), u)
         ends = np.hstack([made.x, x[: len(made.x), self.n_own :]])
-        ends[:, self.kept] -= ends[:, self.at_copies :]
+        ends[:, self.kept] -= ends[:, self.at_copies : self.at_turns]
         return replace(made, x=ends)
 
     # ---- Derivatives ------------------------------------------------------------------------------
@@ -187,7 +199,8 @@ class ExtendedSystem(Extended, DiscreteSystem):
             return last.pattern
         n, ones = self.d_own, np.ones((1, self.d_own, len(self.names)))
         A, B = self._extended(own.pattern[None, :, :n].astype(float), own.pattern[None, :, n:].astype(float), ones)
-        A[0, :n, self.at_copies :] = own.pattern[:, self.copied] | np.eye(n, dtype=bool)[:, self.copied]
+        copies = slice(self.at_copied_moves, self.at_copied_moves + len(self.copied))
+        A[0, :n, copies] = own.pattern[:, self.copied_moves] | np.eye(n, dtype=bool)[:, self.copied_moves]
         return np.asarray(np.concatenate([A[0], B[0]], axis=1) != 0.0)
 
     def _by_parameters(self, system: DiscreteSystem, x: Array, u: Array, z: Array, start: int = 0) -> Array | None:
@@ -208,8 +221,9 @@ class ExtendedSystem(Extended, DiscreteSystem):
         whole[:, :n, :n], whole[:, :n, n:end], inputs[:, :n] = A, by, B
         np.einsum("kii->ki", whole)[:, n:] = 1.0
         if len(self.copied):
-            whole[:, :n, end:] = A[:, :, self.kept]
-            whole[:, self.copied, np.arange(end, self.nx)] -= 1.0
+            copies = np.arange(end, end + len(self.copied))
+            whole[:, :n, copies] = A[:, :, self.kept_moves]
+            whole[:, self.copied_moves, copies] -= 1.0
         return whole, inputs
 
     def _read_at(self, ends: Array | None, along: Along, steps: Callable[[DiscreteSystem], Array]) -> Along:

@@ -18,7 +18,7 @@ from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.iterates.projected import projection_of
 from leastaction.optimal.loop.ending import LOST, STUCK, Outcome
-from leastaction.optimal.loop.run import Run
+from leastaction.optimal.loop.run import FIRST_STEPS, Run
 from leastaction.optimal.loop.way import Way
 from leastaction.optimal.search.problem import DiscreteProblem
 
@@ -37,7 +37,7 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
         return False
     if outcome is None:
         # Where barriers cut steps short it tells nothing.
-        return run.has_just_begun and run.was_violent and problem.parts.barrier is None
+        return run.was_violent and problem.parts.barrier is None
     return outcome is LOST or outcome.status in STUCK
 
 
@@ -90,4 +90,4 @@ def _ease_within(problem: DiscreteProblem, inputs: Array) -> bool:
     return problem.beginning.begin_at(x, u)
 
 
-EASING = Way("easing", _applies, _begin, looks_ahead=True)
+EASING = Way("easing", _applies, _begin, ahead=(FIRST_STEPS,))

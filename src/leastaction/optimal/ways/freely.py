@@ -16,8 +16,8 @@ _SOON, _ROUGHLY = 30, 1e-3
 
 def _applies(run: Run, outcome: Outcome | None) -> bool:
     """Not where the minimum says little: with conditions, limits of the user's own, or a start that is a result."""
-    problem, history = run.problem, run.history
-    if outcome is not None or history.iterations != _FEW or max(history.step_lengths) >= _VERY_SHORT:
+    problem = run.problem
+    if outcome is not None or max(run.history.step_lengths) >= _VERY_SHORT:
         return False
     assert isinstance(problem, DiscreteProblem)
     parts, beginning = problem.parts, problem.beginning
@@ -37,4 +37,4 @@ def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
     return True
 
 
-FREELY = Way("freely", _applies, _begin, looks_ahead=True)
+FREELY = Way("freely", _applies, _begin, ahead=(_FEW,))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from leastaction.optimal.loop.ending import STUCK, Outcome
-from leastaction.optimal.loop.run import Run
+from leastaction.optimal.loop.run import FIRST_STEPS, Run
 from leastaction.optimal.loop.way import Way
 from leastaction.optimal.schedule import NewtonSchedule
 from leastaction.optimal.search.problem import DiscreteProblem
@@ -19,8 +19,8 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
     if outcome is not None:
         return outcome.status in STUCK and _are_preferred(problem)
     # Where barriers cut steps short it tells nothing.
-    if run.has_just_begun and run.was_violent and problem.parts.barrier is None:
-        return True
+    if run.history.iterations == FIRST_STEPS:
+        return run.was_violent and problem.parts.barrier is None
     return run.history.iterations == _long_run(problem) and not (run.began_again or run.creeps)
 
 
@@ -53,4 +53,4 @@ def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
     return True
 
 
-GAPS = Way("gaps", _applies, _begin, looks_ahead=True)
+GAPS = Way("gaps", _applies, _begin, ahead=(FIRST_STEPS, _LONG_IF_LOST, _LONG))

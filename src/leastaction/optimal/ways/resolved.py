@@ -34,7 +34,7 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
     if outcome is None:
         return False
     if run.resolved is not None:
-        return outcome.status not in (Status.ITERATION_LIMIT, Status.STOPPED_BY_CALLBACK, Status.INTERRUPTED)
+        return True
     problem = run.problem
     assert isinstance(problem, DiscreteProblem)
     if "resolved" in run.taken or outcome.status not in STUCK:

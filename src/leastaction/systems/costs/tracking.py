@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, unknown
+from leastaction.mechanics.discrete.prescribed import inputs_along
 from leastaction.mechanics.mechanism.arguments import configuration_on
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, as_number, require_instance, require_mapping
@@ -93,7 +94,7 @@ def tracking(
         x[:, : m.nq] = configuration_on(m, x[:, : m.nq], "wanted")
     u = _over_time(system, inputs, system.input_names, np.zeros((system.N, system.nu)), "inputs")
     if m is not None and m.nrho and inputs is None:
-        u[:, m.n_inputs :] = x[1:, m.nq - m.nrho : m.nq]
+        u[:, m.n_inputs :] = inputs_along(m, x[:, m.first_rho : m.nq])
     prices = {"*": effort} if not isinstance(effort, Mapping) else effort
     R = np.full(system.nu, _LEAST_EFFORT)
     for name, weight in prices.items():

@@ -6,8 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from leastaction.mechanics.configuration.assembly import project_velocity
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics
 from leastaction.mechanics.continuous.legendre import to_momentum
+from leastaction.mechanics.discrete.prescribed import inputs_along
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.turns import differences, middles, moved_by, rates_along
@@ -58,15 +60,18 @@ def wanted_curve(system: MidpointSystem, wanted: Mapping[str, Array], start: Sta
     def reach(k: int, at: Array) -> None:
         _reach(m, at, free, {name: values[k] for name, values in places.items()})
 
-    configurations_onto_constraints(m, q, known, start, reach if places else None)
+    configurations_onto_constraints(m, t, q, known, start, reach if places else None)
     v = rates_along(m, q, t)
     if places:
         known[: m.nd] = True
     v[:, ~known] = 0.0
-    velocities_onto_constraints(m, q, v, known)
+    velocities_onto_constraints(m, t, q, v, known)
     x = system.states_along(q, to_momentum(m, q, v))
-    x[0, : m.nx] = (system.integrator.start(q[0]) if start is None else start).x
-    return x, np.hstack([np.zeros((system.N, m.n_inputs)), q[1:, m.nq - m.nrho :]])
+    if start is None:
+        at_rest = project_velocity(m.at_time(t[0]), q[0], np.zeros(m.nv)).v  # or as the constraints move
+        start = system.integrator.start(q[0], at_rest, t=float(t[0]))
+    x[0, : m.nx] = start.x
+    return x, np.hstack([np.zeros((system.N, m.n_inputs)), inputs_along(m, q[:, m.first_rho :])])
 
 
 def held_still(system: MidpointSystem, x: Array) -> tuple[Array, Array]:
@@ -74,7 +79,7 @@ def held_still(system: MidpointSystem, x: Array) -> tuple[Array, Array]:
     m, still = system.mechanism, np.zeros_like(x)
     still[:, : m.nq] = x[0, : m.nq]
     still[0] = x[0]
-    u = np.hstack([np.zeros((system.N, m.n_inputs)), still[1:, m.nq - m.nrho : m.nq]])
+    u = np.hstack([np.zeros((system.N, m.n_inputs)), inputs_along(m, still[:, m.first_rho : m.nq])])
     return still, with_inputs(system, still, u) if m.n_inputs else u
 
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.mechanism.arguments import angles_only, none_prescribed_as_quaternion
+from leastaction.mechanics.discrete.prescribed import places_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.looking_back import InputRates, LookingBack, Need, Recalled
+from leastaction.optimal.looking_back import TURN, InputRates, LookingBack, Need, Recalled
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
 from leastaction.systems.quantities.rates import Rates
 from leastaction.systems.quantities.scaled import Scaled
@@ -54,18 +54,19 @@ def quantity_of(mechanism: Mechanism, kind: str, t: Array, *, multipliers: bool)
     if kind == "rate":
         return Rates(m, np.arange(m.nv), dt)
     if kind == "acceleration":
-        none_prescribed_as_quaternion(m, kind)
         return AccelerationQuantity(m, np.arange(m.nrho), dt)
     if kind == ACROSS:
-        angles_only(m, ACROSS)
-        return AccelerationsAcross(m, np.arange(m.nq), dt)
+        return AccelerationsAcross(m, np.arange(m.nv), dt)
     if kind == "tension":
         return Tensions(m, Scaled.tensions(m, 1.0), dt)
     raise ArgumentError(f"quantity: got {kind!r}, expected one of {', '.join(map(repr, KINDS))}")
 
 
 class AccelerationQuantity(Quantity):
-    """Accelerations of kinematic variables over steps, ``((rho_next - rho) / dt - v_rho) / dt``."""
+    """Accelerations of kinematic variables over steps, ``((rho_next - rho) / dt - v_rho) / dt``.
+
+    Of turns, whose input is the turn of a step, ``(turn / dt - v_rho) / dt``.
+    """
 
     kind = "acceleration of"
 
@@ -73,10 +74,12 @@ class AccelerationQuantity(Quantity):
         m = mechanism
         self.mechanism, self.which, self.dt = m, which, dt
         self.names = tuple(m.kinematic[i] for i in which)
+        places, turns = places_of(m)
+        self.places, self.counts = places[which], 1.0 - turns[which]
 
     def values(self, at: Samples) -> Array:
         m, dt = self.mechanism, self.dt[at.k, None]
-        rate = (at.u[:, m.n_inputs + self.which] - at.x[:, m.nq - m.nrho + self.which]) / dt
+        rate = (at.u[:, m.n_inputs + self.which] - self.counts * at.x[:, self.places]) / dt
         return np.asarray((rate - at.x[:, m.nq + m.nd + self.which]) / dt)
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
@@ -86,7 +89,7 @@ class AccelerationQuantity(Quantity):
     def jacobian(self, at: Samples) -> Array:
         dt = self.dt[at.k, None, None]
         each = np.broadcast_to(np.eye(len(self.which)), (len(at.k), len(self.which), len(self.which)))
-        return np.concatenate([-each / dt**2, -each / dt, each / dt**2], axis=2)
+        return np.concatenate([-self.counts * each / dt**2, -each / dt, each / dt**2], axis=2)
 
     def curvature(self, at: Samples, y: Array) -> None:
         """Return None: they are linear."""
@@ -113,13 +116,23 @@ class AccelerationsAcross(LookingBack):
     looks_ahead = True
 
     def __init__(self, mechanism: Mechanism, which: Instants, dt: Array, memory: Recalled | None = None) -> None:
-        self.mechanism, self.which, self.dt = mechanism, which, dt
-        self.names = tuple(mechanism.variables[i] for i in which)
+        m = mechanism
+        self.mechanism, self.which, self.dt = m, which, dt
+        self.rates = Rates(m, which, dt)
+        self.names = self.rates.names
+        first = {name: each.variables[0] for each in m.tree.rotations for name in each.variables}
+        place = {name: i for i, name in enumerate(m.coordinates)}
+        place |= {each.variables[0]: m.coordinates.index(each.quaternion[0]) for each in m.tree.rotations}
+        of = [m.variables[i] for i in self.rates.moved]
+        # One for each direction: a rotation has three, which are remembered together.
+        self._needs = tuple((TURN if name in first else "state", place[first.get(name, name)]) for name in of)
+        begins = [m.variables.index(first.get(name, name)) for name in of]
+        self._axes = self.rates.moved - np.array(begins, dtype=np.intp)
         super().__init__(memory)
 
     @property
     def needs(self) -> tuple[Need, ...]:
-        return tuple(("state", int(i)) for i in self.which)
+        return self._needs
 
     def remembering(self, memory: Recalled) -> AccelerationsAcross:
         return AccelerationsAcross(self.mechanism, self.which, self.dt, memory)
@@ -128,32 +141,46 @@ class AccelerationsAcross(LookingBack):
         return AccelerationsAcross(self.mechanism, self.which[list(rows)], self.dt, self.memory)
 
     def columns(self, nx: int, nu: int) -> Instants:
-        return np.concatenate([self.which, nx + self.remembered(), nx + nu + self.which])
+        moved = self.rates.moved
+        return np.concatenate([moved, nx + self.remembered()[1] + self._axes, nx + nu + moved])
 
     def values(self, at: Samples) -> Array:
-        before, after, across = self._steps(at)
-        here = at.x[:, self.which]
-        rate, last = (at.x_next[:, self.which] - here) / after, (here - at.x[:, self.remembered()]) / before
-        return np.asarray((rate - last) / across)
+        return np.asarray((self.rates.values(at) - self.rates.values(self._before(at))) / self._lasts(at))
 
     def jacobian(self, at: Samples) -> Array:
-        before, after, across = (each[:, :, None] for each in self._steps(at))
-        each = np.eye(len(self.names)) / across
-        return np.concatenate([-each / after - each / before, each / before, each / after], axis=2)
+        n = len(self.rates.moved)
+        (here, ahead), (back, there) = (
+            np.split(self.rates.jacobian(each), [n], axis=2) for each in (at, self._before(at))
+        )
+        return np.asarray(np.concatenate([here - there, -back, ahead], axis=2) / self._lasts(at)[:, :, None])
 
-    def curvature(self, at: Samples, y: Array) -> None:
-        """Return None: they are linear."""
+    def curvature(self, at: Samples, y: Array) -> Array | None:
+        """Return the second derivatives of turns; None where there are none."""
+        weights, n = y / self._lasts(at), len(self.rates.moved)
+        after, before = self.rates.curvature(at, weights), self.rates.curvature(self._before(at), -weights)
+        if after is None or before is None:
+            return None
+        out = np.zeros((len(at.k), 3 * n, 3 * n))
+        for bent, parts in ((after, (0, 2)), (before, (1, 0))):
+            places = np.concatenate([part * n + np.arange(n) for part in parts])
+            out[:, places[:, None], places] += bent
+        return out
 
     def is_like(self, other: Quantity) -> bool:
         return isinstance(other, AccelerationsAcross) and np.array_equal(self.dt, other.dt)
 
-    def _steps(self, at: Samples) -> tuple[Array, Array, Array]:
-        """Return the lengths of the steps before and after, and the time between their middles (n, 1).
+    def _before(self, at: Samples) -> Samples:
+        """Return the step before, as it is remembered; before the first is the last, of a motion that returns."""
+        x = at.x.copy()
+        for (kind, i), axis, place in zip(self._needs, self._axes, self.remembered()[0], strict=True):
+            size = 4 if kind == TURN else 1
+            if axis == 0:
+                x[:, i : i + size] = at.x[:, at.x.shape[1] + place :][:, :size]
+        return at._replace(k=at.k - 1, x=x, x_next=at.x)
 
-        Before the first is the last, of a motion that returns.
-        """
-        before, after = self.dt[at.k - 1, None], self.dt[at.k, None]
-        return before, after, 0.5 * (before + after)
+    def _lasts(self, at: Samples) -> Array:
+        """Return the times between the middles of the steps before and after (n, 1)."""
+        return np.asarray(0.5 * (self.dt[at.k - 1, None] + self.dt[at.k, None]))
 
 
 class Tensions(Quantity):
@@ -171,11 +198,12 @@ class Tensions(Quantity):
         self.names = strings.names
         m = mechanism
         # A length is a prescribed variable; its rate stands behind the momenta. Where there is none, nothing is read.
-        rates = m.nq + m.nd + np.maximum(strings.places - (m.nq - m.nrho), 0) if m.nrho else strings.places
-        places = m.nx + strings.rows, strings.places, rates
-        self._lam, self._length, self._rate = places
-        # A state has more numbers than directions, before those of prescribed variables, where it has quaternions.
-        by = [np.maximum(each - (m.nx - m.ndx), 0) for each in places]
+        known = {m.coordinates.index(name): i for i, name in enumerate(m.kinematic) if name in m.coordinates}
+        of = np.array([known.get(place, 0) for place in strings.places.tolist()], dtype=np.intp)
+        rates = m.nq + m.nd + of if m.nrho else strings.places
+        self._lam, self._length, self._rate = m.nx + strings.rows, strings.places, rates
+        length, rate = (m.nd + of, m.nv + m.nd + of) if m.nrho else (strings.places, strings.places)
+        by = [m.ndx + strings.rows, length, rate]
         self._columns = np.unique(np.concatenate(by))
         self._at = [np.searchsorted(self._columns, each) for each in by]
 

@@ -16,6 +16,7 @@ class Rates(Quantity):
     """Mean rates of variables over steps, ``(q_{k+1} - q_k) / dt``.
 
     Of turns of a rotation that is a quaternion ``log(q_k^-1 q_{k+1}) / dt``. ``which``: places of the variables.
+    ``moved``: the directions of a state that they depend on.
     """
 
     kind = "rate of"
@@ -32,13 +33,13 @@ class Rates(Quantity):
         self._coordinates = np.array([m.coordinates.index(self.names[row]) for row in plain], dtype=np.intp)
         turned = list(dict.fromkeys(of[i] for i in which.tolist() if i in of))
         moved = {*which[self._plain].tolist(), *(first + axis for first in turned for axis in range(3))}
-        self._moved = np.array(sorted(moved), dtype=np.intp)
+        self.moved = np.array(sorted(moved), dtype=np.intp)
         # Of each rotation: its quaternion's place, its rows, their axes, and its directions among those that count.
         self._turned = []
         for first in turned:
             rows = [row for row, i in enumerate(which) if of.get(int(i)) == first]
             place = m.coordinates.index(turns[first].quaternion[0])
-            here = int(np.searchsorted(self._moved, first))
+            here = int(np.searchsorted(self.moved, first))
             self._turned.append((slice(place, place + 4), rows, which[rows] - first, slice(here, here + 3)))
 
     def values(self, at: Samples) -> Array:
@@ -49,12 +50,12 @@ class Rates(Quantity):
         return np.asarray(out / self.dt[at.k, None])
 
     def columns(self, nx: int, nu: int) -> Instants:
-        return np.concatenate([self._moved, nx + nu + self._moved])
+        return np.concatenate([self.moved, nx + nu + self.moved])
 
     def jacobian(self, at: Samples) -> Array:
-        n, moved = len(self.names), len(self._moved)
+        n, moved = len(self.names), len(self.moved)
         out = np.zeros((len(at.k), n, 2, moved))
-        place = np.searchsorted(self._moved, self.which[self._plain])
+        place = np.searchsorted(self.moved, self.which[self._plain])
         out[:, self._plain, 0, place], out[:, self._plain, 1, place] = -1.0, 1.0
         for e, (_, rows, axes, by) in zip(self._turns(at), self._turned, strict=True):
             out[:, rows, 0, by] = -rotations.logarithm_derivative(-e)[:, axes]
@@ -65,7 +66,7 @@ class Rates(Quantity):
         """Return the second derivatives of turns; None where there are none, as all else is linear."""
         if not self._turned:
             return None
-        moved = len(self._moved)
+        moved = len(self.moved)
         out = np.zeros((len(at.k), 2, moved, 2, moved))
         for e, (_, rows, axes, by) in zip(self._turns(at), self._turned, strict=True):
             w = (y[:, rows] / self.dt[at.k, None]) @ np.eye(3)[axes]

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.rotations import continued
 from leastaction.viz.scene import Scene
 from leastaction.viz.viewer import things as placing
 from leastaction.viz.viewer.collada import Colour
@@ -74,7 +75,7 @@ class _Writer:
         children = []
         for k, thing in enumerate(poses[0]):
             placed = np.array([_split(at[k]) for at in poses])  # (times, 10): place, turn, scale
-            turns = _continuous(placed[:, 3:7])
+            turns = continued(placed[:, 3:7])
             node = {
                 "mesh": self._mesh(thing),
                 "translation": placed[0, :3].tolist(),
@@ -199,11 +200,3 @@ def _split(thing: Thing) -> Array:
     axes, scale = _factored(thing)
     own = [1.0, 1.0, 1.0] if thing.solid.n is None else [1.0, 1.0, max(scale[2], 1e-9)]
     return np.concatenate((thing.A[:, 3], quaternions(axes[None])[0], own))
-
-
-def _continuous(turns: Array) -> Array:
-    """Return quaternions (n, 4), each on the side of the one before."""
-    flips = np.where(np.sum(turns[1:] * turns[:-1], axis=1) < 0.0, -1.0, 1.0)
-    result = turns.copy()
-    result[1:] *= np.cumprod(flips)[:, None]
-    return result

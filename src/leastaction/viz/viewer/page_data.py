@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.rotations import continued
 from leastaction.viz.scene import Scene
 from leastaction.viz.viewer import solids
 from leastaction.viz.viewer.solids import Solid
@@ -164,11 +165,7 @@ def quaternions(R: Array) -> Array:
     """Return the unit quaternions [x, y, z, w] of rotations (n, 3, 3); each is on the side of the one before."""
     from scipy.spatial.transform import Rotation
 
-    found = np.asarray(Rotation.from_matrix(R).as_quat(), dtype=float)
-    flips = np.sign(np.sum(found[1:] * found[:-1], axis=1))
-    flips[flips == 0.0] = 1.0
-    found[1:] *= np.cumprod(flips)[:, None]
-    return found
+    return continued(np.asarray(Rotation.from_matrix(R).as_quat(), dtype=float))
 
 
 def _rounded(values: Any) -> list[float]:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import Mechanism
 from leastaction.mechanics.description.shapes import Shape
-from leastaction.mechanics.mechanism.arguments import of_unit_length
+from leastaction.mechanics.mechanism.arguments import of_unit_length, single
 from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.public import public
@@ -114,7 +114,7 @@ def _scene(
                 f"show: got {type(what).__name__}, expected a Mechanism, a model that was loaded, a run, or a result "
                 "that knows its trajectory; of another result show(system.trajectory(result.x, result.u))"
             )
-        at = m.configuration() if q is None else as_array(q, "q", (m.nq,), names=m.coordinates)
+        at = m.configuration() if q is None else single(m, q)
         return motion_scene(
             m, np.zeros(1), at[None], shapes=own, reference=reference, traces=traces, up=up, title=called
         )

@@ -33,7 +33,7 @@ def _compiled(element: ExpressionPotential | ExpressionConstraint) -> CompiledEx
     symbols()  # or say that SymPy is needed
     from leastaction.mechanics.expressions.compiled import compile_expression
 
-    return compile_expression(element.expression, what=element.title, timed=isinstance(element, ExpressionPotential))
+    return compile_expression(element.expression, what=element.title)
 
 
 def _uses_of_scalar(element: ExpressionPotential | ExpressionConstraint) -> Uses:
@@ -98,13 +98,13 @@ class ExpressionPotential(Potential):
 @public
 @dataclass(frozen=True)
 class ExpressionConstraint(Constraint):
-    """A holonomic constraint of the user's own: ``h(q) = 0`` with h as an expression.
+    """A holonomic constraint of the user's own: ``h(q, t) = 0`` with h as an expression.
 
     Parameters
     ----------
     expression : sympy.Expr
         h, which the motion keeps at zero; scaled like a length or an angle. In points, directions, distances,
-        variables and parameters; see `leastaction.mechanics.expressions.terms`.
+        variables, parameters and the time; see `leastaction.mechanics.expressions.terms`.
 
     Raises
     ------
@@ -152,7 +152,8 @@ class ExpressionForce(Force):
         F (N along a length, N m along an angle) in points, directions, distances, variables, their rates,
         inputs, parameters and the time; see `leastaction.mechanics.expressions.terms`.
     along : str or sympy.Expr
-        The name of a variable, or a scalar expression s such as a distance. F is positive where it drives s up.
+        The name of a variable, or a scalar expression s such as a distance, of the time too. F is positive where it
+        drives s up.
 
     Raises
     ------

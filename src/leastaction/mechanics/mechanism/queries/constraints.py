@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.mechanism.arguments import Compiled, batch, shaped, single
-from leastaction.numerics.arrays import Array
+from leastaction.mechanics.mechanism.arguments import Compiled, batch, rates, shaped, single
+from leastaction.numerics.arrays import Array, Row
 
 # Length of what is left of a gradient, as a fraction of it, below which an equation counts as dependent.
 RANK_TOLERANCE = 1e-9
@@ -18,7 +17,7 @@ RANK_TOLERANCE = 1e-9
 WEIGHT_TOLERANCE = 1e-6
 
 
-def constraint_values(m: Compiled, q: ArrayLike) -> Array:
+def constraint_values(m: Compiled, q: Row) -> Array:
     """Return h(q), shape (nc,), or (N, nc) for a batch."""
     values, one = batch(m, q)
     result = np.empty((len(values), m.nc))
@@ -27,7 +26,7 @@ def constraint_values(m: Compiled, q: ArrayLike) -> Array:
     return shaped(result, one)
 
 
-def constraint_residuals(m: Compiled, q: ArrayLike) -> dict[str, Any]:
+def constraint_residuals(m: Compiled, q: Row) -> dict[str, Any]:
     """Return h(q) by constraint name: floats, or arrays (N,) for a batch."""
     values = constraint_values(m, q)
     if values.ndim == 1:
@@ -35,23 +34,29 @@ def constraint_residuals(m: Compiled, q: ArrayLike) -> dict[str, Any]:
     return dict(zip(m.constraints, values.T, strict=True))
 
 
-def constraint_jacobian(m: Compiled, q: ArrayLike) -> Array:
+def constraint_jacobian(m: Compiled, q: Row) -> Array:
     """Return Dh(q), shape (nc, nv), at q of shape (nq,)."""
     jacobian = m.core.constraint_jacobian(single(m, q))
     return np.asarray(jacobian).reshape(m.nc, m.nv)
 
 
-def constraint_rank(m: Compiled, q: ArrayLike) -> int:
+def constraint_rates(m: Compiled, q: Row, v: Row) -> Array:
+    """Return the rates (nc,) of the constraints at q (nq,) and v (nv,): ``Dh v``, and dh/dt where they move by time."""
+    here, speed = single(m, q), rates(m, v)
+    return np.asarray(constraint_jacobian(m, here) @ speed + m.core.constraint_drift(here)[0])
+
+
+def constraint_rank(m: Compiled, q: Row) -> int:
     """Return the rank of the constraints on the dynamic variables at q of shape (nq,)."""
     return m.nc - len(redundancy(m, q))
 
 
-def degrees_of_freedom(m: Compiled, q: ArrayLike) -> int:
+def degrees_of_freedom(m: Compiled, q: Row) -> int:
     """Return nd less the rank of the constraints on the dynamic variables at q of shape (nq,)."""
     return m.nd - constraint_rank(m, q)
 
 
-def redundancy(m: Compiled, q: ArrayLike) -> dict[str, tuple[str, ...]]:
+def redundancy(m: Compiled, q: Row) -> dict[str, tuple[str, ...]]:
     """Return the constraint equations that ask for nothing new at a configuration.
 
     Parameters

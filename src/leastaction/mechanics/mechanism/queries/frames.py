@@ -10,12 +10,12 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.arguments import Compiled, angles_only, batch, batch_of_states, frame_index, shaped
 from leastaction.mechanics.mechanism.queries.frame_derivatives import Slots, jacobian_derivative, pose_derivative
 from leastaction.mechanics.mechanism.queries.path_motion import Axes, PathMotion, inverted, origins_of, poses_of
-from leastaction.numerics.arrays import Array, as_array, as_count, as_flag
+from leastaction.numerics.arrays import Array, Row, as_array, as_count, as_flag
 from leastaction.numerics.memory import MAX_BYTES, check_memory
 from leastaction.numerics.names import as_names
 
 
-def frame_pose(m: Compiled, q: ArrayLike, name: str, *, inverse: bool = False) -> Array:
+def frame_pose(m: Compiled, q: Row, name: str, *, inverse: bool = False) -> Array:
     """Return the pose of a frame in the world.
 
     Parameters
@@ -38,7 +38,7 @@ def frame_pose(m: Compiled, q: ArrayLike, name: str, *, inverse: bool = False) -
 
 def frame_pose_derivative(
     m: Compiled,
-    q: ArrayLike,
+    q: Row,
     frame: str,
     *,
     order: int = 1,
@@ -79,7 +79,7 @@ def frame_pose_derivative(
     return shaped(_without(along, pose_derivative(motion, slots, inverse=as_flag(inverse, "inverse"))), one)
 
 
-def positions(m: Compiled, q: ArrayLike, names: Sequence[str] | None = None) -> Array:
+def positions(m: Compiled, q: Row, names: Sequence[str] | None = None) -> Array:
     """Return the origins of frames in the world.
 
     Parameters
@@ -99,7 +99,7 @@ def positions(m: Compiled, q: ArrayLike, names: Sequence[str] | None = None) -> 
 
 
 def frame_jacobian(
-    m: Compiled, q: ArrayLike, frame: str, *, point: ArrayLike = (0.0, 0.0, 0.0), axes: Axes = "world"
+    m: Compiled, q: Row, frame: str, *, point: ArrayLike = (0.0, 0.0, 0.0), axes: Axes = "world"
 ) -> Array:
     """Return the Jacobian of a frame: its velocity is ``J v``.
 
@@ -128,7 +128,7 @@ def frame_jacobian(
 
 
 def frame_velocity(
-    m: Compiled, q: ArrayLike, v: ArrayLike, frame: str, *, point: ArrayLike = (0.0, 0.0, 0.0), axes: Axes = "world"
+    m: Compiled, q: Row, v: Row, frame: str, *, point: ArrayLike = (0.0, 0.0, 0.0), axes: Axes = "world"
 ) -> Array:
     """Return the velocity of a frame.
 
@@ -149,7 +149,7 @@ def frame_velocity(
 
 def frame_jacobian_derivative(
     m: Compiled,
-    q: ArrayLike,
+    q: Row,
     frame: str,
     *,
     point: ArrayLike = (0.0, 0.0, 0.0),
@@ -196,8 +196,8 @@ def frame_jacobian_derivative(
 
 def frame_velocity_derivative(
     m: Compiled,
-    q: ArrayLike,
-    v: ArrayLike,
+    q: Row,
+    v: Row,
     frame: str,
     *,
     point: ArrayLike = (0.0, 0.0, 0.0),

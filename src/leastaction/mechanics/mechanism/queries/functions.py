@@ -17,10 +17,10 @@ from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics.elements import Constraint, Force, Parts, Potential
 from leastaction.mechanics.mechanism.arguments import Compiled, angles_only, inputs_of, single
 from leastaction.mechanics.mechanism.queries.function_derivatives import FunctionDerivatives
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, Row
 
 
-def lagrangian(m: Compiled, q: ArrayLike, v: ArrayLike) -> FunctionDerivatives:
+def lagrangian(m: Compiled, q: Row, v: Row) -> FunctionDerivatives:
     """Return the Lagrangian ``L = T - V`` (J) at a state, by ``q`` and ``v``, to the fourth order.
 
     Parameters
@@ -46,7 +46,7 @@ def lagrangian(m: Compiled, q: ArrayLike, v: ArrayLike) -> FunctionDerivatives:
     return FunctionDerivatives.of("L", arguments, evaluate, highest_order=_highest_order(m, None, Potential))
 
 
-def potential(m: Compiled, q: ArrayLike, element: str | None = None) -> FunctionDerivatives:
+def potential(m: Compiled, q: Row, element: str | None = None) -> FunctionDerivatives:
     """Return the potential energy (J) at a configuration, by ``q``, to the fourth order.
 
     Parameters
@@ -72,9 +72,7 @@ def potential(m: Compiled, q: ArrayLike, element: str | None = None) -> Function
     return FunctionDerivatives.of(_called("V", element), {"q": m.nq}, evaluate, highest_order=order)
 
 
-def force(
-    m: Compiled, q: ArrayLike, v: ArrayLike, u: ArrayLike | None = None, element: str | None = None
-) -> FunctionDerivatives:
+def force(m: Compiled, q: Row, v: Row, u: ArrayLike | None = None, element: str | None = None) -> FunctionDerivatives:
     """Return the generalised forces (N or N m) on all variables, by ``q``, ``v`` and ``u``, to the third order.
 
     Parameters
@@ -105,7 +103,7 @@ def force(
     return FunctionDerivatives.of(_called("f", element), arguments, evaluate, rows=m.variables, highest_order=order)
 
 
-def constraint(m: Compiled, q: ArrayLike, element: str | None = None) -> FunctionDerivatives:
+def constraint(m: Compiled, q: Row, element: str | None = None) -> FunctionDerivatives:
     """Return the constraint functions h(q) at a configuration, by ``q``, to the fourth order.
 
     Parameters

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.description.tree import WORLD
 from leastaction.mechanics.mechanism.arguments import Compiled, batch, batch_of_states, rates, shaped, single
-from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.arrays import Array, Row, as_array
 from leastaction.numerics.public import public
 
 
@@ -29,22 +29,25 @@ class Energy:
         return self.kinetic + self.potential
 
 
-def energy(m: Compiled, q: ArrayLike, v: ArrayLike, t: ArrayLike = 0.0) -> Energy:
-    """Return the kinetic and potential energy (J) at q, v of shape (nq,), or (N, nq) for a batch, at a time (s)."""
+def energy(m: Compiled, q: Row, v: Row, t: ArrayLike | None = None) -> Energy:
+    """Return the kinetic and potential energy (J) at q, v of shape (nq,), or (N, nq) for a batch.
+
+    ``t``: times (s), one or (N,), where potentials change with the time; else that of `Mechanism.at_time`, or zero.
+    """
     values, speeds, one = batch_of_states(m, q, v)
     kinetic = np.array([m.core.kinetic_energy(*state) for state in zip(values, speeds, strict=True)])
-    times = np.broadcast_to(as_array(t, "t", (), (len(values),)), len(values))
+    times = np.broadcast_to(m.time if t is None else as_array(t, "t", (), (len(values),)), len(values))
     potential = np.array([m.core.potential_energy(*at) for at in zip(values, times, strict=True)])
     return Energy(float(kinetic[0]), float(potential[0])) if one else Energy(kinetic, potential)
 
 
-def momentum(m: Compiled, q: ArrayLike, v: ArrayLike) -> Array:
+def momentum(m: Compiled, q: Row, v: Row) -> Array:
     """Return dL/dv at q, v of shape (nq,): the momentum of every variable, kinematic ones too."""
     found: Array = m.core.gradient(single(m, q), rates(m, v))[1]
     return found
 
 
-def mass_matrix(m: Compiled, q: ArrayLike) -> Array:
+def mass_matrix(m: Compiled, q: Row) -> Array:
     """Return the inertia matrix (nq, nq) of all variables at q of shape (nq,)."""
     # L is quadratic in v, so its second derivative by v is the same at any velocity.
     inertia: Array = m.core.hessian(single(m, q), np.zeros(m.nv))[2]
@@ -56,7 +59,7 @@ def mass_of(m: Compiled) -> float:
     return float(sum(body.mass for _, body, _ in m.tree.bodies()))
 
 
-def center_of_mass(m: Compiled, q: ArrayLike) -> Array:
+def center_of_mass(m: Compiled, q: Row) -> Array:
     """Return the centre of mass of all bodies, those fixed in the world too.
 
     Parameters
@@ -86,7 +89,7 @@ def center_of_mass(m: Compiled, q: ArrayLike) -> Array:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def total_momentum(m: Compiled, q: ArrayLike, v: ArrayLike) -> Array:
+def total_momentum(m: Compiled, q: Row, v: Row) -> Array:
     """Return the linear and angular momentum of all bodies.
 
     Parameters

@@ -6,13 +6,15 @@ the energy that it has where it pushes, times its stiffness.
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
+from leastaction.control.rigs.strings import Strings
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import Cost
 from leastaction.systems.costs.configurations import CostOfConfigurations
 from leastaction.systems.midpoint import MidpointSystem
-from leastaction.systems.rigs.strings import Strings
 
 
 class Pushing:
@@ -25,6 +27,12 @@ class Pushing:
     def __init__(self, strings: Strings, room: Array, price: float) -> None:
         self.strings, self.room = strings, room
         self._weights = price * strings.stiffness
+
+    def later(self, k: int) -> Pushing:
+        """Return the price of what begins at instant k."""
+        other = copy(self)
+        other.room = self.room[k:]
+        return other
 
     def slack(self, q: Array, start: int) -> Array:
         """Return by how much each is too short (n, m), negative, in configurations (n, nq) from instant `start` on."""

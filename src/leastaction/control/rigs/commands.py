@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from leastaction.control.rigs.strings import stretch_of
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array
 from leastaction.systems.midpoint import MidpointSystem
-from leastaction.systems.rigs.rig import Rig
-from leastaction.systems.rigs.strings import stretch_of
+from leastaction.systems.rig import Rig
 
 
 class ReeledIn(NamedTuple):
@@ -45,7 +45,7 @@ def reeled_in(system: MidpointSystem, x: Array, u: Array, rig: Rig) -> ReeledIn:
         else:
             planned[:, m.variables.index(variable)] -= by
     q, p, v_rho = np.split(planned, [m.nq, m.nq + m.nd], axis=1)
-    u[:, m.n_inputs :] = q[1:, m.nd :]
+    u[:, m.n_inputs :] = q[1:, m.first_rho :]
     return ReeledIn(system.states_along(q, p, v_rho[0])[:, : m.nx], u, shorter, least)
 
 

@@ -12,13 +12,13 @@ from typing import Final
 
 from numpy.typing import ArrayLike
 
+from leastaction.control.rigs.pushing import Pushing, PushingCost
+from leastaction.control.rigs.strings import Strings, as_springs
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import QuadraticCost, Status
 from leastaction.optimal.optimizer import optimized
 from leastaction.systems.midpoint import MidpointSystem
-from leastaction.systems.rigs.pushing import Pushing, PushingCost
-from leastaction.systems.rigs.strings import Strings, as_springs
 
 _PUSHING: Final = 500.0  # 1/J, the price of the energy by which a spring is short of the least that its string pulls
 _ITERATIONS: Final = 100
@@ -55,7 +55,7 @@ def nearest(
     for i, name in enumerate(strings.names):
         if name in least:
             room[:, i] = -least[name]
-    cost = PushingCost(QuadraticCost(x, u, Q=Q, R=R), springs, Pushing(strings, room, _PUSHING))
+    cost = PushingCost(QuadraticCost(x, u, Q=Q, R=R, space=springs), springs, Pushing(strings, room, _PUSHING))
     try:
         found = optimized(
             springs, cost, initial=(x, u), shooting="multiple", max_iterations=_ITERATIONS, tolerance=_ROUGHLY

@@ -22,13 +22,13 @@ from leastaction import (
     tx,
     tz,
 )
+from leastaction.control.rigs import elastic
+from leastaction.control.rigs.commands import reeled_in, with_lengths
+from leastaction.control.rigs.elastic import nearest
+from leastaction.control.rigs.pushing import Pushing, PushingCost
+from leastaction.control.rigs.strings import Strings, as_springs
 from leastaction.errors import ProjectionError
 from leastaction.numerics.arrays import Array
-from leastaction.systems.rigs import elastic
-from leastaction.systems.rigs.commands import reeled_in, with_lengths
-from leastaction.systems.rigs.elastic import nearest
-from leastaction.systems.rigs.pushing import Pushing, PushingCost
-from leastaction.systems.rigs.strings import Strings, as_springs
 from optimal.systems import rolled_out, strung_rig
 
 N = 60

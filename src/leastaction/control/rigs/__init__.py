@@ -1,8 +1,3 @@
 """Plans on rigs: machines that are not quite their models, with strings that go slack and sensors that are late."""
 
 from __future__ import annotations
-
-from leastaction.systems.rigs.play import play
-from leastaction.systems.rigs.rig import Played, Rig
-
-__all__ = ["Played", "Rig", "play"]

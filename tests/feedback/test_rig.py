@@ -21,6 +21,7 @@ from leastaction import (
     QuadraticCost,
     Rig,
     SmoothCost,
+    free,
     optimize,
     play,
     project_configuration,
@@ -28,10 +29,11 @@ from leastaction import (
     tx,
     tz,
 )
+from leastaction.control.rigs.commands import reeled_in
+from leastaction.elements import BodyWrench
 from leastaction.errors import ArgumentError
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.models.puppet_arm import hang, puppet_arm
-from leastaction.systems.rigs.commands import reeled_in
 from optimal.systems import rolled_out, strung_rig
 
 # Plans of strings by steps of 20 ms, jagged as they are: what is played is held to the plan, not to shorter steps.
@@ -198,6 +200,20 @@ def test_masses_are_drawn_with_their_inertias_and_factors_come_on_top() -> None:
     assert numbers["damping.elbow"] == pytest.approx(2.0 * plain["damping.elbow"])
     assert numbers["rail.value"] == plain["rail.value"]
     assert rig.machine(m).parameters == numbers
+
+
+def test_a_drone_with_quaternions_is_held_where_it_hovers() -> None:
+    wrench = BodyWrench("drone", force=(0, 0, "thrust"), torque=("roll", "pitch", "yaw"))
+    m = Mechanism([free("drone", mass=1.0, inertia=(0.01, 0.02, 0.03))], [Gravity(), wrench])
+    system = MidpointSystem(MidpointVI(m), 0.02 * np.arange(101))
+    q = m.configuration()
+    plan = np.tile(system.integrator.start(q).x, (101, 1)), np.tile([9.81, 0.0, 0.0, 0.0], (100, 1))
+    blind, held = (
+        play(system, plan, Rig(spread=0.1, delay=0.04), R=[1e-2, 1.0, 1.0, 1.0], feedback=feedback)
+        for feedback in (False, True)
+    )
+    assert held.off(np.tile(q, (101, 1))) < 0.01
+    assert blind.off(np.tile(q, (101, 1))) > 0.05
 
 
 def test_what_cannot_be_simulated_is_said(upright: tuple[MidpointSystem, OptimizationResult]) -> None:

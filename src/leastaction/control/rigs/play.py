@@ -10,6 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from leastaction.control.kalman import KalmanFilter
+from leastaction.control.rigs.commands import reeled_in, with_lengths
+from leastaction.control.rigs.elastic import nearest
+from leastaction.control.rigs.regulator import Regulator
 from leastaction.errors import ArgumentError, StepError
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.prescribed import divided
@@ -19,13 +23,12 @@ from leastaction.numerics.arrays import Array, as_array, require_instance
 from leastaction.numerics.public import public
 from leastaction.optimal.result import OptimizationResult
 from leastaction.systems.midpoint import MidpointSystem
-from leastaction.systems.rigs.commands import reeled_in, with_lengths
-from leastaction.systems.rigs.elastic import nearest
-from leastaction.systems.rigs.estimator import Estimator
-from leastaction.systems.rigs.regulator import Regulator
-from leastaction.systems.rigs.rig import Played, Rig
+from leastaction.systems.rig import Played, Rig
 
 _HELD, _PLACES, _SPEEDS = 100.0, 0.1, 1.0  # weights of the regulator: joints, prescribed variables and their speeds
+_SURPRISE = 0.5  # m/s^2 or rad/s^2, with which the estimate reckons beside what the model says
+_UNSURE = 0.1  # m, rad, m/s or rad/s: how far off the start may be
+_LEAST_NOISE = 1e-6  # m or rad
 _AT_ONCE = 1e-9  # of a step: what is late by a whole number of steps is not late by one more for rounding
 
 
@@ -92,7 +95,7 @@ def play(
     Q, R = _weights(m, u, Q, R)
     if least:
         x, u = nearest(model, x, u, Q=Q, R=R, least=least)
-    noise = rig.noise * np.random.default_rng([rig.seed, 1]).standard_normal((N + 1, m.nd))
+    noise = rig.noise * np.random.default_rng([rig.seed, 1]).standard_normal((N + 1, m.first_rho))
     controller = _Controller(model, x, u, Q, R, rig.noise) if feedback else None
     states = [x[0] if start is None else np.concatenate([start.q, start.p, start.v_rho])]
     commands, failure, read = [], None, 0
@@ -101,7 +104,7 @@ def play(
         # What is lost may be anywhere.
         with np.errstate(over="ignore", invalid="ignore"):
             while controller is not None and t[read] + rig.delay <= t[k] + _AT_ONCE * (t[k + 1] - t[k]):
-                controller.read(states[read][: m.nd] + noise[read])
+                controller.read(states[read][: m.first_rho] + noise[read])
                 read += 1
             if controller is not None and read > 0:
                 command = controller.command(k)
@@ -151,21 +154,48 @@ def _weights(m: Mechanism, u: Array, Q: ArrayLike | None, R: ArrayLike | None) -
 
 
 class _Controller:
-    """A regulator along a plan, on an estimate by late readings; it goes through it once."""
+    """A regulator along a plan, on an estimate by late readings; it goes through it once.
+
+    The momenta that chance adds have covariances in proportion to the mass matrix, as if each direction got the same
+    energy: whatever the variables. Accelerations of the same size for each variable would be huge forces where angles
+    are singular and hardly any where they are not, and the filter would take noise for motion.
+    """
 
     def __init__(self, model: MidpointSystem, x: Array, u: Array, Q: ArrayLike, R: ArrayLike, noise: float) -> None:
         self.model, self.x = model, x
+        m = model.mechanism
         self.regulator = Regulator(model, x, u, Q, R)
-        self.estimator = Estimator(model, x[0], noise)
+        # What is off at the start keeps to the constraints.
+        known = m.coordinates[: m.first_rho]
+        unsure = _UNSURE * model.start_directions(x[0], [*known, *(f"p_{name}" for name in m.dynamic)])
+        self.kalman = KalmanFilter(
+            model, measure=known, noise=max(noise, _LEAST_NOISE), process=self._surprise, x=x[0],
+            spread=unsure @ unsure.T,
+        )  # fmt: skip
         self.given = u.copy()
-        self.at = -1  # the last instant whose reading has come
+        self.read_one = False
+
+    def _surprise(self, x: Array) -> Array:
+        """Return the covariance of what a step adds to a state by chance."""
+        m, k = self.model.mechanism, self.kalman.k
+        mass = m.mass_matrix(np.ascontiguousarray(x[: m.nq]))[: m.nd, : m.nd]
+        W = np.zeros((m.ndx, m.ndx))
+        momenta = slice(m.nv, m.nv + m.nd)
+        by = _SURPRISE * (self.model.t[k + 1] - self.model.t[k])
+        W[momenta, momenta] = np.mean(np.diagonal(mass)) * by**2 * mass
+        return W
 
     def read(self, reading: Array) -> None:
         """Take the reading of the next instant."""
-        if self.at >= 0:
-            self.estimator.advance(self.at, self.given[self.at], self._after(self.at, self.estimator.x))
-        self.estimator.read(reading)
-        self.at += 1
+        kalman = self.kalman
+        if self.read_one:
+            k = kalman.k
+            try:
+                kalman.predict(self.given[k])
+            except StepError:  # what is known stays as it is
+                kalman.x, kalman.k = self._after(k, kalman.x), k + 1
+        kalman.correct(reading)
+        self.read_one = True
 
     def _after(self, k: int, x: Array) -> Array:
         """Return where step k leads from x (nx,); as far from the plan as before where the model has no such step.
@@ -175,12 +205,12 @@ class _Controller:
         try:
             return self.model.f(x, self.given[k], k)
         except StepError:
-            return np.asarray(x - self.x[k] + self.x[k + 1])
+            return self.model.plus(self.x[k + 1], self.model.difference(x, self.x[k]))
 
     def command(self, k: int) -> Array:
         """Return the input of step k, given what was read."""
-        ahead = self.estimator.x
-        for j in range(self.at, k):
+        ahead = self.kalman.x
+        for j in range(self.kalman.k, k):
             ahead = self._after(j, ahead)
         self.given[k] = self.regulator.command(k, ahead)
         return np.asarray(self.given[k])
