@@ -27,7 +27,7 @@ from leastaction.mechanics import Gravity, JointForce, Mechanism, MidpointVI, ba
 
 __all__ = ["CASES", "compare"]
 
-_DT, _STEPS = 0.01, 20
+_DT, _STEPS = 0.002, 20
 _QUATERNION, _ANGLES = "quaternion", "xyz"
 _INERTIA = (0.02, 0.03, 0.025)
 

@@ -157,6 +157,7 @@ Turning::Turning(const double* phi) : phi_{phi[0], phi[1], phi[2]} {
 
 void Turning::turn_half(const double* q, double* out) const {
     multiply(q, cosine_, sine_ * phi_.x, sine_ * phi_.y, sine_ * phi_.z, out);
+    keep_unit(out);
 }
 void Turning::turn_whole(const double* q, double* out) const {
     const double twice = 2.0 * cosine_ * sine_;
