@@ -1,8 +1,8 @@
 """Rotations that are unit quaternions beside three angles: ``python -m benchmarks.rotations [--quick] [--only NAME]``.
 
 The same mechanism twice, from the same start with the same velocities, over the same steps. What is timed, a step of a
-whole roll-out, A and B, and the contracted second order packed as an optimisation asks for it, is done in turns, and the
-best of each counts: the ratio of the two is the same on a machine that others use.
+whole roll-out, A and B, and the contracted second order packed as an optimisation asks for it, is done in turns, and
+the best of each counts: the ratio of the two is the same on a machine that others use.
 """
 
 from __future__ import annotations

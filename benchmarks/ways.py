@@ -133,7 +133,7 @@ def solve(case: Case, without: tuple[str, ...] = ()) -> Solved:
     except LeastActionError as error:
         return Solved(type(error).__name__, np.nan, False, (), time.process_time() - began)
     seconds = time.process_time() - began
-    taken = () if result.memory is None else result.memory.taken
+    taken = () if result.state is None else result.state.run.taken
     if any("with gaps between" in note for note in notes):
         taken = (*taken, "gaps")
     if "easing among resolved motions" in taken:

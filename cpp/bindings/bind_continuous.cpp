@@ -148,22 +148,23 @@ public:
     }
 
     // Writes z[1:] and u.
-    int roll_out_pieces(const In<1>& h, const In<2>& matrix, const In<2>& xbar, const In<2>& ubar, const In<3>& K,
-                        const Out& z, const Out& u) {
+    int roll_out_pieces(const In<1>& h, const In<2>& t, const In<2>& matrix, const In<2>& xbar, const In<2>& ubar,
+                        const In<3>& K, const Out& z, const Out& u) {
         const Mechanism& m = *mechanism_;
-        expect_no_balls(m, "a simulation in pieces");
         const std::size_t N = h.size(), points = matrix.shape(0), nx = m.n_states();
-        const std::size_t nu = points * m.n_controls(), nz = points * nx + nu;
+        const std::size_t nu = points * m.n_controls(), nz = points * nx + nu, ndz = points * m.n_tangent() + nu;
         expect(matrix.shape(1), points, "matrix");
+        expect(t.size(), N * points, "t");
         expect(xbar.size(), (N + 1) * nz, "xbar");
         expect(ubar.size(), N * nu, "ubar");
-        expect(K.size(), N * nu * nz, "K");
+        expect(K.size(), N * nu * ndz, "K");
         expect(z.size(), (N + 1) * nz, "z");
         expect(u.size(), N * nu, "u");
         nb::gil_scoped_release release;
         const auto loan = lend();
         return leastaction::roll_out_pieces(*loan, static_cast<int>(points), matrix.data(), static_cast<int>(N),
-                                            h.data(), {xbar.data(), ubar.data(), K.data()}, z.data(), u.data());
+                                            h.data(), t.data(), {xbar.data(), ubar.data(), K.data()}, z.data(),
+                                            u.data());
     }
 
 private:
@@ -309,9 +310,9 @@ void bind_continuous(nb::module_& module) {
              "accelerations(), and the Hessians of z_a.a + z_lam.lam by [q; v; u; rho_a].")
         .def("tensors", &ContinuousMotion::tensors, "q"_a, "v"_a, "u"_a, "rho_a"_a, "t"_a.none() = nb::none(),
              "accelerations(), and the Hessians of every acceleration and multiplier of one point.")
-        .def("roll_out_pieces", &ContinuousMotion::roll_out_pieces, "h"_a, "matrix"_a, "xbar"_a, "ubar"_a, "K"_a, "z"_a,
-             "u"_a,
-             "Simulates pieces of lengths h by a Runge-Kutta method under a feedback; writes z[1:] "
+        .def("roll_out_pieces", &ContinuousMotion::roll_out_pieces, "h"_a, "t"_a, "matrix"_a, "xbar"_a, "ubar"_a, "K"_a,
+             "z"_a, "u"_a,
+             "Simulates pieces of lengths h, with points at t, by a Runge-Kutta method under a feedback; writes z[1:] "
              "and u, and returns "
              "how many pieces were found before one was not.");
 }

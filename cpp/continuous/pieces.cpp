@@ -12,34 +12,64 @@ constexpr int most_iterations = 40;
 // size, or rounding, where they do not shrink any more below the third. The first step is held against the last.
 constexpr double shrinks = 0.2, close = 1e-14, rounding = 1e-11, near = 1e-2;
 
+// The matrix of q (0, w) by q.
+Eigen::Matrix4d times_rate(const double* w) {
+    return Eigen::Matrix4d{
+        {0.0, -w[0], -w[1], -w[2]}, {w[0], 0.0, w[2], -w[1]}, {w[1], -w[2], 0.0, w[0]}, {w[2], w[1], -w[0], 0.0}};
+}
+
+// The matrix of the vector of q^-1 p by p, whatever the length of q.
+Eigen::Matrix<double, 3, 4> from_quaternion(const double* q) {
+    const double square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+    return Eigen::Matrix<double, 3, 4>{
+               {-q[1], q[0], q[3], -q[2]}, {-q[2], -q[3], q[0], q[1]}, {-q[3], q[2], -q[1], q[0]}} /
+           square;
+}
+
+// The vector of the rotation that leads from one quaternion to another.
+Eigen::Vector3d rotation_to(const double* from, const double* to) {
+    const Eigen::Map<const Eigen::Vector4d> a(from), b(to);
+    const Eigen::Vector3d v = from_quaternion(from) * b * a.squaredNorm();
+    const double w = a.dot(b), sine = v.norm(), cosine = std::abs(w);
+    const double angle = sine < 1e-8 ? 2.0 / cosine : 2.0 * std::atan2(sine, cosine) / sine;
+    return (w < 0 ? -angle : angle) * v;  // the shorter way
+}
+
 }  // namespace
 
 PieceSolver::PieceSolver(Continuous& at, int points, const double* matrix)
     : at_(at),
+      m_(at.mechanism()),
       points_(points),
-      nd_(at.mechanism().n_dynamic),
-      nq_(at.mechanism().n_variables()),
-      nu_(at.mechanism().n_inputs),
-      nk_(at.mechanism().n_kinematic),
-      A_(matrix, matrix + points * points) {
+      nd_(m_.n_dynamic),
+      nq_(m_.n_variables()),
+      n_q_(m_.n_coordinates()),
+      nu_(m_.n_inputs),
+      nk_(m_.n_kinematic),
+      A_(matrix, matrix + points * points),
+      in_ball_(nq_) {
     for (int i = 0; i < points; ++i)
         for (int j = 0; j < points; ++j)
             for (int l = 0; l < points; ++l) A2_.push_back(A_[i * points + j] * A_[j * points + l]);
     const std::size_t size = static_cast<std::size_t>(points) * nd_;
     a_.resize(size);
-    r_q_.resize(size);
     a_q_.resize(size * nd_);
     a_v_.resize(size * nd_);
     newton_.resize(size, size);
     right_.resize(size);
     dv_.resize(size);
+    turning_.resize(4 * points, 4 * points);
+    for (const Ball& ball : m_.balls)
+        for (int i = 0; i < 3; ++i) in_ball_[ball.variable + i] = true;
 }
 
-bool PieceSolver::evaluate(const double* x, const double* u, bool derivatives) {
+bool PieceSolver::evaluate(const double* x, const double* t, const double* u, bool derivatives) {
     for (int j = 0; j < points_; ++j) {
-        const double *q = x + 2 * nq_ * j, *inputs = u + (nu_ + nk_) * j;
-        std::copy_n(q, nq_, at_.q.begin());
-        std::copy_n(q + nq_, nq_, at_.v.begin());
+        const double *q = x + size() * j, *inputs = u + (nu_ + nk_) * j;
+        at_.t = t[j];
+        std::copy_n(q, n_q_, at_.q.begin());
+        std::copy_n(q + n_q_, nq_, at_.v.begin());
+        for (const Ball& ball : m_.balls) Eigen::Map<Eigen::Vector4d>(&at_.q[ball.quaternion]).normalize();
         std::copy_n(inputs, nu_, at_.u.begin());
         std::copy_n(inputs + nu_, nk_, at_.a.begin() + nd_);
         const MotionReport report = derivatives ? at_.differentiate() : at_.accelerate();
@@ -57,20 +87,43 @@ bool PieceSolver::evaluate(const double* x, const double* u, bool derivatives) {
 
 void PieceSolver::move_kinematic(double h, const double* x0, const double* u, double* x) const {
     for (int k = 0; k < nk_; ++k) {
-        const int place = nd_ + k;
-        for (const bool rates : {true, false}) {
-            for (int i = 0; i < points_; ++i) {
-                double sum = 0;
-                for (int j = 0; j < points_; ++j)
-                    sum += A_[i * points_ + j] * (rates ? u[(nu_ + nk_) * j + nu_ + k] : x[2 * nq_ * j + nq_ + place]);
-                const int at = rates ? nq_ + place : place;
-                x[2 * nq_ * i + at] = x0[at] + h * sum;
-            }
+        for (int i = 0; i < points_; ++i) {
+            double sum = 0;
+            for (int j = 0; j < points_; ++j) sum += A_[i * points_ + j] * u[(nu_ + nk_) * j + nu_ + k];
+            x[size() * i + n_q_ + nd_ + k] = x0[n_q_ + nd_ + k] + h * sum;
         }
     }
 }
 
-void PieceSolver::factor(double h) {
+// The equations of a ball's quaternions at all points.
+void PieceSolver::turn_with(const Ball& ball, double h, const double* x) {
+    turning_.setIdentity();
+    for (int j = 0; j < points_; ++j) {
+        const Eigen::Matrix4d rate = (0.5 * h) * times_rate(x + size() * j + n_q_ + ball.variable);
+        for (int i = 0; i < points_; ++i) turning_.block<4, 4>(4 * i, 4 * j) -= A_[i * points_ + j] * rate;
+    }
+}
+
+// Sets the configurations of all points that belong to their velocities.
+void PieceSolver::follow(double h, const double* x0, double* x) {
+    for (int i = 0; i < points_; ++i) {
+        double* q = x + size() * i;
+        for (int a = 0; a < nq_; ++a) {
+            if (in_ball_[a]) continue;
+            double sum = 0;
+            for (int j = 0; j < points_; ++j) sum += A_[i * points_ + j] * x[size() * j + n_q_ + a];
+            q[a] = x0[a] + h * sum;
+        }
+    }
+    for (const Ball& ball : m_.balls) {
+        turn_with(ball, h, x);
+        const Eigen::Map<const Eigen::Vector4d> start(x0 + ball.quaternion);
+        const Eigen::VectorXd found = turning_.partialPivLu().solve(start.replicate(points_, 1));
+        for (int i = 0; i < points_; ++i) std::copy_n(&found[4 * i], 4, x + size() * i + ball.quaternion);
+    }
+}
+
+void PieceSolver::factor(double h, const double* x) {
     newton_.setIdentity();
     const std::size_t block = static_cast<std::size_t>(nd_) * nd_;
     for (int i = 0; i < points_; ++i) {
@@ -78,11 +131,39 @@ void PieceSolver::factor(double h) {
             for (int a = 0; a < nd_; ++a) {
                 for (int b = 0; b < nd_; ++b) {
                     double sum = h * A_[i * points_ + l] * a_v_[l * block + a * nd_ + b];
-                    for (int j = 0; j < points_; ++j)
+                    for (int j = 0; j < points_ && !in_ball_[b]; ++j)
                         sum += h * h * A2_[(i * points_ + j) * points_ + l] * a_q_[j * block + a * nd_ + b];
                     newton_(i * nd_ + a, l * nd_ + b) -= sum;
                 }
             }
+        }
+    }
+    for (const Ball& ball : m_.balls) {
+        if (ball.variable >= nd_) continue;
+        turn_with(ball, h, x);
+        Matrix pushed(4 * points_, 3 * points_);
+        for (int l = 0; l < points_; ++l) {
+            for (int c = 0; c < 3; ++c) {
+                double turn[3] = {0.0, 0.0, 0.0};
+                turn[c] = 0.5 * h;
+                const Eigen::Map<const Eigen::Vector4d> q(x + size() * l + ball.quaternion);
+                const Eigen::Vector4d by = times_rate(turn) * q;
+                for (int i = 0; i < points_; ++i) pushed.block<4, 1>(4 * i, 3 * l + c) = A_[i * points_ + l] * by;
+            }
+        }
+        pushed = turning_.partialPivLu().solve(pushed).eval();
+        turned_.resize(3 * points_, 3 * points_);
+        for (int j = 0; j < points_; ++j)
+            turned_.middleRows(3 * j, 3) =
+                2.0 * from_quaternion(x + size() * j + ball.quaternion) * pushed.middleRows(4 * j, 4);
+        for (int j = 0; j < points_; ++j) {
+            using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+            const Eigen::Map<const Rows> slopes(&a_q_[j * block], nd_, nd_);
+            const Matrix felt = h * slopes.middleCols(ball.variable, 3) * turned_.middleRows(3 * j, 3);
+            for (int i = 0; i < points_; ++i)
+                for (int l = 0; l < points_; ++l)
+                    newton_.block(i * nd_, l * nd_ + ball.variable, nd_, 3) -=
+                        A_[i * points_ + j] * felt.middleCols(3 * l, 3);
         }
     }
     factors_.compute(newton_);
@@ -90,50 +171,34 @@ void PieceSolver::factor(double h) {
 
 // Makes a step, and returns its size relative to the state; no number where it leads nowhere.
 double PieceSolver::step(double h, const double* x0, double* x) {
-    const std::size_t block = static_cast<std::size_t>(nd_) * nd_;
     for (int i = 0; i < points_; ++i) {
         for (int a = 0; a < nd_; ++a) {
-            double q = 0, v = 0;
-            for (int j = 0; j < points_; ++j) {
-                q += A_[i * points_ + j] * x[2 * nq_ * j + nq_ + a];
-                v += A_[i * points_ + j] * a_[nd_ * j + a];
-            }
-            r_q_[nd_ * i + a] = x0[a] + h * q - x[2 * nq_ * i + a];
-            right_[nd_ * i + a] = x0[nq_ + a] + h * v - x[2 * nq_ * i + nq_ + a];
-        }
-    }
-    for (int j = 0; j < points_; ++j) {
-        for (int a = 0; a < nd_; ++a) {
-            double bent = 0;
-            for (int b = 0; b < nd_; ++b) bent += a_q_[j * block + a * nd_ + b] * r_q_[nd_ * j + b];
-            for (int i = 0; i < points_; ++i) right_[nd_ * i + a] += h * A_[i * points_ + j] * bent;
+            double v = 0;
+            for (int j = 0; j < points_; ++j) v += A_[i * points_ + j] * a_[nd_ * j + a];
+            right_[nd_ * i + a] = x0[n_q_ + a] + h * v - x[size() * i + n_q_ + a];
         }
     }
     dv_ = factors_.solve(right_);
-    double size = 0, nothing = 0;
-    const auto move = [&](double& value, double change) {
-        value += change;
-        size = std::max(size, std::abs(change) / (1.0 + std::abs(value)));
-        nothing += 0.0 * value;
-    };
-    for (int i = 0; i < points_; ++i) {
-        for (int a = 0; a < nd_; ++a) {
-            double dq = r_q_[nd_ * i + a];
-            for (int j = 0; j < points_; ++j) dq += h * A_[i * points_ + j] * dv_[nd_ * j + a];
-            move(x[2 * nq_ * i + a], dq);
-            move(x[2 * nq_ * i + nq_ + a], dv_[nd_ * i + a]);
-        }
+    before_.assign(x, x + static_cast<std::size_t>(points_) * size());
+    for (int i = 0; i < points_; ++i)
+        for (int a = 0; a < nd_; ++a) x[size() * i + n_q_ + a] += dv_[nd_ * i + a];
+    follow(h, x0, x);
+    double most = 0, nothing = 0;
+    for (std::size_t i = 0; i < before_.size(); ++i) {
+        most = std::max(most, std::abs(x[i] - before_[i]) / (1.0 + std::abs(x[i])));
+        nothing += 0.0 * x[i];
     }
-    return size + nothing;
+    return most + nothing;
 }
 
-bool PieceSolver::solve(double h, const double* x0, const double* u, double* x) {
+bool PieceSolver::solve(double h, const double* x0, const double* t, const double* u, double* x) {
     move_kinematic(h, x0, u, x);
+    follow(h, x0, x);
     bool factored = false;
     double before = near;
     for (int made = 0; made < most_iterations; ++made) {
-        if (!evaluate(x, u, !factored)) return false;
-        if (!factored) factor(h);
+        if (!evaluate(x, t, u, !factored)) return false;
+        if (!factored) factor(h, x);
         const double size = step(h, x0, x), left = size / before;
         if (!std::isfinite(size)) return false;
         // Steps with one matrix shrink by a factor, those with a new one are squared.
@@ -144,36 +209,59 @@ bool PieceSolver::solve(double h, const double* x0, const double* u, double* x) 
     return false;
 }
 
-int roll_out_pieces(Continuous& at, int points, const double* matrix, int pieces, const double* h,
+int roll_out_pieces(Continuous& at, int points, const double* matrix, int pieces, const double* h, const double* t,
                     const PieceReference& reference, double* z, double* u) {
     const Mechanism& m = at.mechanism();
-    const int nq = m.n_variables(), nx = 2 * nq, nu = points * (m.n_inputs + m.n_kinematic), nz = points * nx + nu;
+    const int nq = m.n_variables(), n_q = m.n_coordinates(), nc = m.n_configuration(), nx = m.n_states();
+    const int nu = points * m.n_controls(), nz = points * nx + nu, ndx = m.n_tangent(), ndz = points * ndx + nu;
     PieceSolver solver(at, points, matrix);
-    std::vector<double> x0(nx), x(static_cast<std::size_t>(points) * nx), off(nz);
-    // Where a point's state stands in z, the last point first.
-    const auto place = [&](int point) { return point == points - 1 ? 0 : (point + 1) * nx; };
-    const auto outside = [&](int i) { return i < nq ? m.external[i] : nq + m.external[i - nq]; };
+    std::vector<double> x0(solver.size()), x(static_cast<std::size_t>(points) * solver.size(), 0.0), off(ndz);
+    // Where a point's state stands, the last point first.
+    const auto place = [&](int point) { return point == points - 1 ? 0 : point + 1; };
     for (int k = 0; k < pieces; ++k) {
         const double *now = z + static_cast<std::size_t>(k) * nz,
                      *wanted = reference.z + static_cast<std::size_t>(k) * nz;
         const double* following = wanted + nz;
         double *next = z + static_cast<std::size_t>(k + 1) * nz, *inputs = u + static_cast<std::size_t>(k) * nu;
-        for (int i = 0; i < nz; ++i) off[i] = now[i] - wanted[i];
-        const double* K = reference.K + static_cast<std::size_t>(k) * nu * nz;
+        for (int point = 0; point < points; ++point) {
+            const double *is = now + point * nx, *meant = wanted + point * nx;
+            double* by = &off[static_cast<std::size_t>(point) * ndx];
+            for (int i = 0; i < nq; ++i) {
+                by[m.external[i]] = is[m.places[i]] - meant[m.places[i]];
+                by[nq + m.external[i]] = is[nc + m.external[i]] - meant[nc + m.external[i]];
+            }
+            for (const Ball& ball : m.balls)
+                Eigen::Map<Eigen::Vector3d>(by + m.external[ball.variable]) =
+                    rotation_to(meant + ball.place, is + ball.place);
+        }
+        for (int i = 0; i < nu; ++i) off[points * ndx + i] = now[points * nx + i] - wanted[points * nx + i];
+        const double* K = reference.K + static_cast<std::size_t>(k) * nu * ndz;
         for (int a = 0; a < nu; ++a) {
             double back = 0;
-            for (int i = 0; i < nz; ++i) back += K[static_cast<std::size_t>(a) * nz + i] * off[i];
+            for (int i = 0; i < ndz; ++i) back += K[static_cast<std::size_t>(a) * ndz + i] * off[i];
             inputs[a] = reference.u[static_cast<std::size_t>(k) * nu + a] - back;
         }
-        for (int i = 0; i < nx; ++i) {
-            x0[i] = now[outside(i)];
+        for (int i = 0; i < nq; ++i) {
+            const int v = m.external[i];
+            x0[i] = now[m.places[i]];
+            x0[n_q + i] = now[nc + v];
             for (int point = 0; point < points; ++point)
-                x[static_cast<std::size_t>(point) * nx + i] = following[place(point) + outside(i)] + off[outside(i)];
+                x[point * solver.size() + n_q + i] = following[place(point) * nx + nc + v] + off[nq + v];
         }
-        if (!solver.solve(h[k], x0.data(), inputs, x.data())) return k;
-        for (int i = 0; i < nx; ++i)
-            for (int point = 0; point < points; ++point)
-                next[place(point) + outside(i)] = x[static_cast<std::size_t>(point) * nx + i];
+        for (const Ball& ball : m.balls) {
+            std::fill_n(&x0[ball.variable], 3, 0.0);
+            std::copy_n(now + ball.place, 4, &x0[ball.quaternion]);
+        }
+        if (!solver.solve(h[k], x0.data(), t + static_cast<std::size_t>(k) * points, inputs, x.data())) return k;
+        for (int point = 0; point < points; ++point) {
+            const double* found = &x[static_cast<std::size_t>(point) * solver.size()];
+            double* out = next + place(point) * nx;
+            for (int i = 0; i < nq; ++i) {
+                out[m.places[i]] = found[i];
+                out[nc + m.external[i]] = found[n_q + i];
+            }
+            for (const Ball& ball : m.balls) std::copy_n(found + ball.quaternion, 4, out + ball.place);
+        }
         std::copy_n(inputs, nu, next + points * nx);
     }
     return pieces;

@@ -48,9 +48,10 @@ void SecondOrder::hessian(double dt, const FirstOrder& first) {
     begin_turned(dt);
     add_lagrangian(dt);
     add_potentials();
-    add_instant_forces();
+    if (!turned_) add_instant_forces();
     add_forces(dt);  // which leaves q_mid_ and all that by_time_step() needs
     if (turned_) add_bends(dt);
+    if (turned_) add_instant_forces();  // whose turns are those of the start alone
     add_constraints();
     if (turned_) turn_constraints();
     add_products(first);

@@ -105,8 +105,11 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
                 P2[(at + i) * ld + at + j] += bend(3 + i, j);
                 G_y(at + i, at + j) += bend(3 + i, 3 + j);
             }
-        if (nc == 0) continue;
+        if (nc == 0 && mechanism.instant_forces.empty()) continue;
         Eigen::Vector3d slope = Eigen::Vector3d::Zero();
+        for_each_entry(mechanism.instant_forces, step.instant(), force_, [&](int i, double f) {
+            if (i >= ball.variable && i < ball.variable + 3) slope[i - ball.variable] -= step.share * f;
+        });
         for (int c = 0; c < nc; ++c)
             for (int i = 0; i < 3; ++i) slope[i] += step.lam[c] * step.start_gradients()[c * nq + at + i];
         const Eigen::Matrix3d by_constraints = chart_bend(slope);

@@ -176,13 +176,13 @@ double& SecondOrder::entry(int a, int b) {
     return W_thth_(at_rho2_ + i - nd_, at_rho2_ + j - nd_);
 }
 
-// At the start the weighted sum holds -lam.X_mu h, at the end mu_h.h.
+// At the start the weighted sum holds -lam.X_mu h and share f.X_mu q1, at the end mu_h.h.
 void SecondOrder::turn_constraints() {
     const Mechanism& m = mechanism_;
     using Vector3 = Eigen::Vector3d;
     using Matrix3 = Eigen::Matrix3d;
     for (const Ball& ball : m.balls) {
-        if (nc_ == 0) break;
+        if (nc_ == 0 && m.instant_forces.empty()) break;
         const int at = ball.variable;
         constexpr double none[3] = {0, 0, 0};
         const TurnedAxis field(ball.prescribed ? none : &mu_[at]);
@@ -207,6 +207,22 @@ void SecondOrder::turn_constraints() {
                 if (own(i)) at_end[i - at] += mu_[nd_ + c] * x;
             });
         }
+        const ForcePoint<double> instant{at_middle_, q1.data(), v_.data(),
+                                         u.data()};  // as add_instant_forces() left it
+        const auto own_of = [&](int i) { return i >= at && i < at + 3; };
+        for_each_entry(m.instant_forces, instant, force_, [&](int i, double f) {
+            if (own_of(i)) at_start[i - at] += share * f;
+        });
+        for_each_entry(
+            m.instant_forces, instant, force_,
+            [&](int i, int j, double f_q, double) {
+                if (own_of(i)) bent(i - at, j) += share * f_q;
+                if (own_of(j) && i < nd_) along_mu[j - at] += share * mu_[i] * f_q;
+            },
+            [&](int i, int input, double f_u) {
+                if (!own_of(i)) return;
+                for (int k = 0; k < 3; ++k) W_thth_(at + k, nq_ + nd_ + input) += share * slope(i - at, k) * f_u;
+            });
         const Matrix3 own = field.bend(at_start) + symmetric_chart_bend(along_mu), chart = symmetric_chart_bend(at_end);
         const Eigen::Matrix<double, 3, Eigen::Dynamic> rows = slope.transpose() * bent;
         for (int i = 0; i < 3; ++i) {

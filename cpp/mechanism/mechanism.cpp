@@ -554,8 +554,6 @@ std::shared_ptr<const Mechanism> with_numbers(const Mechanism& mechanism, std::v
 
 std::shared_ptr<const Mechanism> at_instants(const Mechanism& mechanism, const std::vector<int>& inputs) {
     const auto late = [&](int input) { return std::ranges::find(inputs, input) != inputs.end(); };
-    if (!mechanism.balls.empty() && !inputs.empty())
-        throw std::invalid_argument("forces at the instants: not of a mechanism with rotations that are quaternions");
     auto m = std::make_shared<Mechanism>(mechanism);
     m->forces.clear();
     m->joint_forces.clear();

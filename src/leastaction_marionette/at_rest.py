@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from leastaction.errors import ArgumentError
+from leastaction.mechanics import differences
 from leastaction.models.marionette import held_strings, string_lengths
 from leastaction.numerics import Array, Frozen
 from leastaction.viz import BLUE, ORANGE, new_figure, styled
@@ -92,7 +93,7 @@ def resting(
     plan = TrackingPlan(TrackingProblem(run.mechanism, run.motion, weights, 1, run.follow), weights, limits)
     search = PoseSearch(plan)
     last = len(plan.t) - 1
-    made = np.stack([run.trajectory[name] for name in plan.mechanism.variables], axis=1)
+    made = np.stack([run.trajectory[name] for name in plan.mechanism.coordinates], axis=1)
     pulls = np.vstack([run.tension, run.tension[-1:]])
     found: list[tuple[int, Array]] = []
     chosen = np.unique(np.linspace(0, last, instants).astype(int))
@@ -103,12 +104,12 @@ def resting(
         if np.isfinite(best[0]):
             found.append((int(k), best[1]))
     at = np.array([k for k, _ in found], dtype=int)
-    poses = np.array([pose for _, pose in found]).reshape(len(found), len(search.scale))
+    poses = np.array([pose for _, pose in found]).reshape(len(found), plan.mechanism.nq + len(plan.strings))
     q = run.reference[at]
     q[:, search.columns] = poses[:, : plan.mechanism.nq]
     lengths = string_lengths(run.mechanism, q)
     held = held_strings(run.mechanism)
-    q[:, [run.mechanism.variables.index(s.length) for s in held]] = lengths[:, [plan.strings.index(s) for s in held]]
+    q[:, [run.mechanism.coordinates.index(s.length) for s in held]] = lengths[:, [plan.strings.index(s) for s in held]]
     return RestingPoses(
         t=plan.t[at],
         wanted=run.reference[at],
@@ -133,8 +134,8 @@ def plot_resting(run: TrackingRun, rest: RestingPoses) -> Figure:
     else:
         joints = [i for i, name in enumerate(run.mechanism.dynamic) if name not in ROOT]
         labels, unit, what = [run.mechanism.dynamic[i] for i in joints], "degrees", "all joints"
-        made = np.rad2deg(run.trajectory.q - run.reference)[:, joints]
-        apart = np.rad2deg(rest.q - rest.wanted)[:, joints]
+        made = np.rad2deg(differences(run.mechanism, run.trajectory.q, run.reference))[:, joints]
+        apart = np.rad2deg(differences(run.mechanism, rest.q, rest.wanted))[:, joints]
     figure = new_figure(9.0, 5.0)
     bars, over_time = figure.subplots(1, 2)
     for shift, errors, color, label in ((-0.2, made, BLUE, "as made"), (0.2, apart, ORANGE, "nearest poses at rest")):

@@ -16,5 +16,8 @@ Heading = Literal["facing", "travel", "axis", "straight"]
 Follow = Literal["joints", "markers"]
 """What is followed: the angles of all joints, or the places of the markers."""
 
+Axes = Literal["zyx", "quaternion"]
+"""How pelvis, hips and shoulders turn: by three angles, or as ball joints."""
+
 Strings = Literal[6, 7, 8, 9, 11, "cross", "cross+legs", "cross+hands", "cross+legs+hands"]
 """What the marionette hangs on: so many strings, each held by a hand, or seven of them tied to a control."""

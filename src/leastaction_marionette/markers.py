@@ -45,11 +45,11 @@ def with_places(motion: Motion, markers: Array) -> Motion:
     return with_markers(motion, {name: apart[:, i] for i, name in enumerate(LIMB_MARKERS)})
 
 
-def wanted_markers(mechanism: Mechanism, motion: Motion) -> Array | None:
+def wanted_markers(motion: Motion) -> Array | None:
     """Return where the columns of a motion want the markers, (N+1, 6, 3) in the world; None if it has none."""
     if not set(_COLUMNS) <= set(motion.names):
         return None
-    pelvis = motion.columns(mechanism.dynamic)[:, None, :3]
+    pelvis = motion.columns(("torso_tx", "torso_ty", "torso_tz"))[:, None]
     return np.concatenate([pelvis, pelvis + motion.columns(_COLUMNS).reshape(len(motion.t), -1, 3)], axis=1)
 
 

@@ -13,18 +13,16 @@ from leastaction.mechanics import Mechanism
 from leastaction.models.marionette import PuppetString, bars_of, strings_of
 from leastaction.numerics import Array
 from leastaction.viz import Bone, Cord, Scene, mechanism_scene
-from leastaction_marionette.retargeting.skeleton import LIMBS, limb_variables
+from leastaction_marionette.retargeting.skeleton import CHAINS, LIMBS
 from leastaction_marionette.tracking.found import TrackingRun
-from leastaction_marionette.tracking.problem import ROOT
 
-GROUPS: Final[Mapping[str, Sequence[str]]] = MappingProxyType(
+_PARTS: Final[Mapping[str, Sequence[str]]] = MappingProxyType(
     {
-        "Torso, position": ROOT,
-        "Torso, rotation": ("torso_rz", "torso_ry", "torso_rx"),
-        **{f"{side} {limb}".capitalize(): limb_variables(side, limb) for side, limb in LIMBS},
+        "Torso, position": ("torso_t",),
+        "Torso, rotation": ("torso_r", "torso."),
+        **{f"{side} {limb}".capitalize(): [f"{side[0]}{joint}" for joint in CHAINS[limb]] for side, limb in LIMBS},
     }
 )
-"""The puppet's variables by part of the body: the rows of a tracking plot."""
 
 _SIDE_BONES: Final = (
     ("hip", "femur_end", 0.058),
@@ -96,6 +94,13 @@ def marionette_scene(run: TrackingRun, *, title: str = "") -> Scene:
     others = {name for bone in bars for name in (bone.start, bone.end)}
     ghost = {name: path for name, path in (scene.ghost or {}).items() if name not in others}
     return replace(scene, ghost=ghost) if bars else scene
+
+
+def by_parts(mechanism: Mechanism) -> dict[str, list[str]]:
+    """Return the puppet's variables by part of the body: the rows of a tracking plot."""
+    return {
+        part: [name for name in mechanism.dynamic if name.startswith(tuple(begins))] for part, begins in _PARTS.items()
+    }
 
 
 def _bars(mechanism: Mechanism) -> list[Bone]:

@@ -175,7 +175,7 @@ def test_ctrl_c_keeps_the_last_iterate(folder: Path) -> None:
         ("dt: 0.02", "dt: -1", r"line 4: time\.dt: got -1, expected a number > 0"),
         ("dt: 0.02", "dt: 1e-9", r"line 4: time: got 1e\+09 steps"),
         (", dt: 0.02", "", r"line 4: time: expected either steps"),
-        ("q: {theta: 0.1}", "q: {thta: 0.1}", r"line 5: start: unknown variable 'thta'; did you mean 'theta'"),
+        ("q: {theta: 0.1}", "q: {thta: 0.1}", r"line 5: start: values: unknown name 'thta'; did you mean 'theta'"),
         ("q: {theta: 0.1}", "q: {theta: .nan}", r"line 5: start: .*nan"),
         ("q: {theta: 0.1}", "keyframe: home", r"line 5: start: unknown keyframe 'home'"),
         ("type: formula", "type: formel", r"wanted\[0\]\.type: got 'formel'; did you mean 'formula'"),

@@ -178,7 +178,10 @@ NONSENSE: dict[str, tuple[Callable[[dict[str, Any], dict[str, Any]], object], st
     "a row less": (lambda _, a: a.update(K=a["K"][:-1]), "K has shape"),
     "no rows": (lambda _, a: a.update(u=np.zeros(()), x=np.zeros(())), "damaged"),
     "one dimension": (lambda _, a: a.update(u=np.zeros(3)), "contradicts itself"),
-    "another start": (lambda _, a: a.update({"memory.start.u": np.zeros((2, 2))}), "memory.start.u has shape"),
+    "another start": (
+        lambda _, a: a.update({"state.begun.given.u": np.zeros((2, 2))}),
+        "state.begun.given.u has shape",
+    ),
     "no array": (lambda _, a: a.pop("K"), r"an array is missing.*\$\.K"),
     "short history": (
         lambda _, a: a.update({"history.cost": np.zeros(2)}),

@@ -90,8 +90,8 @@ def test_markers_turn_with_a_walk_in_a_circle_that_is_straightened(tmp_path: Pat
 def test_markers_of_a_capture_are_columns_of_its_motion(tmp_path: Path) -> None:
     path = write_puppet(tmp_path / "a.bvh", waving())
     plain, marked = load_motion(path).motion, load_motion(path, markers=True, trim=(0.2, 0.8)).motion
-    assert wanted_markers(PUPPET, plain) is None
-    places = wanted_markers(PUPPET, marked)
+    assert wanted_markers(plain) is None
+    places = wanted_markers(marked)
     assert places is not None
     assert places.shape == (len(marked.t), 6, 3)
     np.testing.assert_array_equal(places[:, 0], marked.columns(("torso_tx", "torso_ty", "torso_tz")))
@@ -188,7 +188,7 @@ def test_a_search_by_markers_is_kept_too(tmp_path: Path, monkeypatch: pytest.Mon
     search = load_unfinished(path)
     assert isinstance(search, TrackingSearch)
     assert search.follow == "markers"
-    np.testing.assert_allclose(wanted_markers(PUPPET, search.motion), wanted_markers(PUPPET, reaching()), atol=1e-12)
+    np.testing.assert_allclose(wanted_markers(search.motion), wanted_markers(reaching()), atol=1e-12)
 
 
 def test_poses_at_rest_bring_markers_near(reached: dict[str, TrackingRun]) -> None:

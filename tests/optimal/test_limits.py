@@ -40,6 +40,7 @@ from leastaction.optimal import (
     adjoint,
     optimize,
 )
+from leastaction.optimal.iterates.models import Models
 from leastaction.optimal.limit_report import LimitReport, LimitState
 from leastaction.optimal.limits.barrier import (
     Point,
@@ -292,8 +293,8 @@ def test_the_tolerance_is_relative_to_the_cost_without_barriers(cart: MidpointSy
     settings = optimize(cart, cost, initial=REST, max_iterations=0).settings
     problem = DiscreteProblem(cart, cost, settings, rows)
     problem.start(REST)
-    assert problem.magnitude == cost.value(*REST)
-    assert abs(problem.value - problem.magnitude) > 0.01 * problem.magnitude
+    assert problem.models.magnitude == cost.value(*REST)
+    assert abs(problem.here.value - problem.models.magnitude) > 0.01 * problem.models.magnitude
 
 
 def test_few_digits_of_the_cost_are_asked_for_as_such() -> None:
@@ -864,13 +865,13 @@ def test_stages_end_without_a_model_that_only_says_so(
     name: str, cart: MidpointSystem, cost: QuadraticCost, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After a full Newton step it is foreseen that a barrier's minimum is near: the next direction is another's."""
-    solved, minimise = [], DiscreteProblem.minimise_model
+    solved, minimise = [], Models.minimise
 
-    def counted(self: DiscreteProblem, method: str, scale: float, shift: float = 0.0):
-        solved.append(self.parts.barrier.duals.mu)
+    def counted(self: Models, method: str, scale: float, shift: float = 0.0):
+        solved.append(self.merit.duals.mu)
         return minimise(self, method, scale, shift)
 
-    monkeypatch.setattr(DiscreteProblem, "minimise_model", counted)
+    monkeypatch.setattr(Models, "minimise", counted)
     result = optimize(cart, cost, limits=CASES[name], initial=REST)
     assert result.status is Status.CONVERGED
     stages = len(set(solved))
@@ -968,17 +969,17 @@ def test_further_steps_of_a_model_lead_to_where_it_is_least(free_start: bool) ->
     problem.parts.set_out()
     gained = []
     for holds in (False, True):
-        direction = problem.direction("quasi-newton", problem.minimise_model("quasi-newton", 0.0), 0.0)
-        direction = problem.refined(direction, holds=holds)
-        length = problem.first_step(direction, 1.0)
-        trial = problem.simulate(direction, length, np.inf)
+        direction = problem.steps.direction("quasi-newton", problem.models.minimise("quasi-newton", 0.0), 0.0)
+        direction = problem.models.refined(direction, holds=holds)
+        length = problem.steps.first_step(direction, 1.0)
+        trial = problem.steps.simulate(direction, length, np.inf)
         assert isinstance(trial, Trial)
-        gained.append(problem.value - trial.cost)
-        assert gained[-1] == pytest.approx(problem.promised(direction, length), rel=1e-9)
+        gained.append(problem.here.value - trial.cost)
+        assert gained[-1] == pytest.approx(problem.steps.promised(direction, length), rel=1e-9)
     assert length == 1.0
     assert gained[1] > 1.05 * gained[0]
-    problem.accept(direction, trial)
-    following = problem.direction("quasi-newton", problem.minimise_model("quasi-newton", 0.0), 0.0)
+    problem.steps.accept(direction, trial)
+    following = problem.steps.direction("quasi-newton", problem.models.minimise("quasi-newton", 0.0), 0.0)
     assert -following.slope < 0.3 * gained[1]
 
 
@@ -988,14 +989,14 @@ def test_a_full_step_goes_on_within_the_model_where_barriers_bend_along_it(most:
     problem = linear_within([Bound("*", -most, most, of="input")], free_start=False)
 
     def direction(*, holds: bool):
-        model = problem.minimise_model("quasi-newton", 0.0)
-        return problem.refined(problem.direction("quasi-newton", model, 0.0), holds=holds)
+        model = problem.models.minimise("quasi-newton", 0.0)
+        return problem.models.refined(problem.steps.direction("quasi-newton", model, 0.0), holds=holds)
 
     for _ in range(8):
         found = direction(holds=True)
-        trial = problem.simulate(found, problem.first_step(found, 1.0), np.inf)
+        trial = problem.steps.simulate(found, problem.steps.first_step(found, 1.0), np.inf)
         assert isinstance(trial, Trial)
-        problem.accept(found, trial)
+        problem.steps.accept(found, trial)
     problem.parts.barrier.duals.mu *= 0.03
     problem.parts.set_out()
     first = direction(holds=False)

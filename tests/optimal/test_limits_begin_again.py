@@ -217,8 +217,8 @@ def test_limits_that_cannot_be_met_are_told_all_the_same() -> None:
     limits = [Bound("F", -6.0, 6.0), Equal("x", 10.0)]
     result = optimize(system, cost, initial=(np.zeros(2), np.zeros((40, 1))), limits=limits)
     assert result.status is Status.INFEASIBLE
-    assert result.memory is not None
-    assert "given" in result.memory.taken
+    assert result.state is not None
+    assert "given" in result.state.run.taken
     assert result["x"][-1] == pytest.approx(3.0, rel=0.02)  # 1/2 F/m T^2
 
 

@@ -34,7 +34,8 @@ from leastaction import (
 )
 from leastaction.errors import ArgumentError
 from leastaction.io.results import load_result, save_result
-from leastaction.optimal import ContinuousQuadraticCost, DiscreteSystem, LinearSystem, solve_linear_quadratic
+from leastaction.optimal import ContinuousQuadraticCost, LinearSystem, solve_linear_quadratic
+from leastaction.optimal.discrete import step_by_step
 from leastaction.optimal.discrete.linear_quadratic import sweep_forward
 from leastaction.optimal.iterates.gap_filter import Filter, OpenCurve
 from leastaction.optimal.line_search import Refusal
@@ -67,7 +68,7 @@ def test_corrections_of_a_step_close_all_that_was_missed_as_cheaply_as_can_be(rn
     problem = DiscreteProblem(system, cost, settings, (), free_start, "at once")
     problem.start(start)
     curve = problem.parts.here.curve
-    direction = problem.direction("quasi-newton", problem.minimise_model("quasi-newton", 0.0), 0.0)
+    direction = problem.steps.direction("quasi-newton", problem.models.minimise("quasi-newton", 0.0), 0.0)
     missed, moved = [0.1 * rng.normal(size=(N, nx)) for _ in range(3)], []
 
     def off(dx, du, length):
@@ -78,7 +79,7 @@ def test_corrections_of_a_step_close_all_that_was_missed_as_cheaply_as_can_be(rn
 
     monkeypatch.setattr(problem.parts.steps, "_moved", off)
     monkeypatch.setattr(problem.parts.steps, "_judge", lambda *_: Refusal("never"))
-    assert isinstance(problem.simulate(direction, 1.0, np.inf), Refusal)
+    assert isinstance(problem.steps.simulate(direction, 1.0, np.inf), Refusal)
     assert len(moved) == 3
     q, r, q_final = cost.gradient(*start)
     for (dx, du), more in zip(moved, (0.0, missed[0], missed[0] + missed[1]), strict=True):
@@ -213,9 +214,9 @@ def test_steps_of_a_curve_are_those_of_f(rng):
     made = system.step_each(x, given.u)
     assert made.complete, made.failure
     assert made.worst_step is not None
-    plain = DiscreteSystem.step_each(system, x, given.u)
+    plain = step_by_step.step_each(system, x, given.u)
     np.testing.assert_allclose(made.x, plain.x, rtol=1e-9, atol=1e-9)
-    ours, other = system.linearize_each(x, given.u, made.x), DiscreteSystem.linearize_each(system, x, given.u, made.x)
+    ours, other = system.linearize_each(x, given.u, made.x), step_by_step.linearize(system, x, given.u)
     z = rng.normal(size=(system.N, system.nx))
     for mine, theirs in zip((*ours, ours.curvature(z)), (*other, other.curvature(z)), strict=True):
         np.testing.assert_allclose(mine, theirs, rtol=1e-6, atol=1e-6 * np.abs(theirs).max())
@@ -550,7 +551,7 @@ def test_gaps_that_hardly_shrink_are_not_closed_at_any_price():
     nothing = np.zeros((2, 1))
 
     def curve(theta, cost):
-        return OpenCurve(nothing, nothing[:1], nothing[:1], nothing[:1], theta, cost, None, cost)
+        return OpenCurve(nothing, nothing[:1], nothing[:1], nothing[:1], theta, theta, cost, None, cost)
 
     now, penalty = curve(theta=1.0, cost=2.0), 3.0
     takes = partial(Filter(1.0).takes, now, length=1.0, fall=-1.0, noise=0.0, penalty=penalty)

@@ -18,6 +18,7 @@ from leastaction import (
     MidpointSystem,
     MidpointVI,
     TendonForce,
+    ball,
     optimize,
     rx,
     ry,
@@ -27,8 +28,17 @@ from leastaction import (
 )  # fmt: skip
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import expressions as ex
+from leastaction.mechanics import moved
 from leastaction.mechanics.discrete.midpoint import Split
-from leastaction.optimal import Parameter, QuadraticCost, Status
+from leastaction.optimal import (
+    Bound,
+    Parameter,
+    PricedLimit,
+    PricedLimits,
+    QuadraticCost,
+    Status,
+    check_derivatives,
+)
 from leastaction.optimal.system import FINAL_TIME
 from leastaction.systems import PulledSystem
 from optimal.systems import rolled_out
@@ -130,6 +140,65 @@ def test_derivatives(k: int) -> None:
     weights = np.zeros((31, nx))
     weights[k + 1] = z
     np.testing.assert_allclose(whole.curvature(weights)[k], H, atol=1e-12)
+
+
+def turning() -> tuple[PulledSystem, np.ndarray, np.ndarray]:
+    """A motion by tensions of an arm whose shoulder is a ball joint: (system, x, u)."""
+    shoulder = [tz(1.0), [ball("s"), ARM[1][1][1]], *ARM[2:]]
+    elements = [Gravity((0.0, 0.0, -9.8)), JointForce("s.wy", "motor")]
+    pulls = [TendonForce(("elbow", "end1"), "T1"), TendonForce(("hand", "end2"), "T2")]
+    m = Mechanism(shoulder, [*elements, *pulls], kinematic=ENDS)
+    system = PulledSystem(MidpointVI(m), T, at_instants=["T1", "T2"])
+    q = m.configuration({"c": 0.4, "y1": 0.1, "x2": 0.1, "y2": 0.3})
+    q = moved(m, q[None], np.array([[0.5, -0.4, 0.7, *np.zeros(5)]]))[0]
+    u = np.zeros((30, system.nu))
+    u[:, 1:3] = np.random.default_rng(5).uniform(3.0, 5.0, size=(30, 2))
+    u[:, 3:] = q[m.first_rho :] + 0.02 * np.sin(4.0 * T[1:, None] + np.arange(4))
+    x = np.concatenate([q, np.zeros(m.nv)])
+    done = system.rollout(x, np.tile(x, (31, 1)), u, np.zeros((30, system.nu, system.ndx)), 0, 30)
+    assert done.complete
+    return system, done.x, u
+
+
+def test_a_ball_joint_moves_as_with_lengths_as_constraints() -> None:
+    system, x, _ = turning()
+    by = system.mechanism
+    lengths = [Distance("elbow", "end1", "L1", name="one"), Distance("hand", "end2", "L2", name="two")]
+    arm = Mechanism(
+        [tz(1.0), [ball("s"), ARM[1][1][1]], *ARM[2:]],
+        [Gravity((0.0, 0.0, -9.8)), *lengths],
+        kinematic=[*ENDS, "L1", "L2"],
+    )
+    q = np.hstack([x[:, : by.nq], np.zeros((31, 2))])
+    q[:, -2:] = np.stack(
+        [
+            np.linalg.norm(np.diff(arm.positions(q, ends), axis=1)[:, 0], axis=1)
+            for ends in (("elbow", "end1"), ("hand", "end2"))
+        ],
+        axis=1,
+    )
+    integrator = MidpointVI(arm)
+    run = integrator.simulate(integrator.start(q[0]), T, rho=q[:, arm.first_rho :])
+    np.testing.assert_allclose(run.q, q, atol=1e-11)
+    np.testing.assert_allclose(run.p[1:], x[1:, by.nq : by.nq + by.nd], atol=1e-11)
+
+
+def test_derivatives_of_a_ball_joint_under_tensions() -> None:
+    """First and second ones, and those of prices of limits, which are by directions too."""
+    system, x, u = turning()
+    report = check_derivatives(system, x, u)
+    assert report.ok, report
+    wanted = QuadraticCost(x[-1], u[0], Q=np.ones(system.ndx), R=np.ones(system.nu), space=system)
+    limits = [Bound("c", 0.0, 0.1), Bound("s.qy", -0.1, 0.1), Bound("x1", -1.0, 1.0, of="acceleration")]
+    prices = PricedLimits(wanted.over(30), system, [PricedLimit(each, 3.0) for each in limits])
+    slopes = prices.gradient(x, u)
+    rng = np.random.default_rng(3)
+    dx, du = 1e-6 * rng.normal(size=(31, system.ndx)), 1e-6 * rng.normal(size=u.shape)
+    change = prices.value(system.plus(x, dx), u + du) - prices.value(system.plus(x, -dx), u - du)
+    expected = 2.0 * (np.sum(slopes.q * dx[:-1]) + np.sum(slopes.r * du) + slopes.q_final @ dx[-1])
+    assert prices.value(x, u) > 1.01 * wanted.over(30).value(x, u)
+    assert change == pytest.approx(expected, rel=1e-6)
+    assert prices.convex_hessian(x, u).Q.shape == (30, system.ndx, system.ndx)
 
 
 # ---- Parameters and time ------------------------------------------------------------------------------

@@ -80,8 +80,8 @@ def test_the_limit_is_dropped_where_it_holds_nothing_back() -> None:
     )  # fmt: skip
     assert result.status is Status.CONVERGED
     assert any(BEGAN in note for note in notes)
-    assert result.memory is not None
-    assert result.memory.resolved is None
+    assert result.state is not None
+    assert result.state.run.resolved is None
     assert result.limits is None
     assert certify(given, result.x, result.u).minimum
 

@@ -104,12 +104,12 @@ def test_the_cost_bends_along_negative_curvature_as_the_model_says():
         system, cost, Options(max_iterations=10, tolerance=1e-6, absolute_tolerance=0.0, chunk=64)
     )
     problem.start((np.zeros(2), np.full((N, 1), 0.1)))
-    down = problem.negative_curvature(0.0)
+    down = problem.models.negative_curvature(0.0)
     assert down is not None
     length = 1e-3
-    ahead, back = (problem.simulate(down, side, np.inf).cost for side in (length, -length))
+    ahead, back = (problem.steps.simulate(down, side, np.inf).cost for side in (length, -length))
     assert (ahead - back) / (2.0 * length) == pytest.approx(down.slope, rel=1e-4)
-    assert (ahead + back - 2.0 * problem.value) / length**2 == pytest.approx(down.bend, rel=1e-3)
+    assert (ahead + back - 2.0 * problem.here.value) / length**2 == pytest.approx(down.bend, rel=1e-3)
 
 
 def test_negative_curvature_that_holds_for_very_short_steps_only_is_not_called_wrong():
@@ -431,7 +431,7 @@ def test_a_run_that_began_again_is_resumed_within_its_stages():
     whole = optimize(given.system, given.cost, initial=(given.x, given.u), shooting="single", max_iterations=60)
     part = optimize(given.system, given.cost, initial=(given.x, given.u), shooting="single", max_iterations=23)
     assert part.status is Status.ITERATION_LIMIT
-    assert part.memory.ease > 1.0
+    assert part.state.begun.ease > 1.0
     assert "times as dear as asked for" in part.message
     for more in (14, 23):
         part = optimize(given.system, given.cost, resume=part, shooting="single", max_iterations=more)
@@ -452,8 +452,8 @@ def test_a_cost_without_an_easier_one_begins_again_otherwise():
     given = BY_NAME[LOST].build()
     cost, own = given.cost, own_cost(given)
     result = optimize(given.system, own, initial=(given.x, given.u))
-    assert "easing" not in result.memory.taken
-    assert "resolved" in result.memory.taken
+    assert "easing" not in result.state.run.taken
+    assert "resolved" in result.state.run.taken
     assert result.status is Status.CONVERGED
     assert certify(given, result.x, result.u).minimum
     assert own.eased(10.0) is None
@@ -468,7 +468,7 @@ def test_a_cost_without_an_easier_one_begins_again_otherwise():
 def test_steps_without_a_solution_are_told_before_derivatives():
     """Where no step along the iterate itself is coarse, but the search was ended by those that cannot be made."""
     worst = StepQuality(t=0.0, s=262.0, angle=0.0754, variable="j2")
-    problem = SimpleNamespace(worst_step=worst, stages=SimpleNamespace(unfinished="", unmet=""))
+    problem = SimpleNamespace(here=SimpleNamespace(worst_step=worst), stages=SimpleNamespace(unfinished="", unmet=""))
     said = message(problem, Outcome(Status.LINE_SEARCH_FAILED, "step 0 could not be solved", barred=True))
     assert said.startswith("The cost falls towards motions in which a step of time has no solution")
     assert "Take steps of time 2 times shorter" in said
@@ -480,7 +480,7 @@ def test_a_coarse_step_that_was_tried_last_is_told_as_one_of_the_last_iterate_is
     """The iterate before it may be just below where a step is called coarse, or just above, by rounding."""
     sound = StepQuality(t=0.08, s=1.97, angle=0.372, variable="pitch")
     tried = StepQuality(t=0.1, s=771.0, angle=0.764, variable="pitch")
-    problem = SimpleNamespace(worst_step=sound, stages=SimpleNamespace(unfinished="", unmet=""))
+    problem = SimpleNamespace(here=SimpleNamespace(worst_step=sound), stages=SimpleNamespace(unfinished="", unmet=""))
     outcome = Outcome(Status.LINE_SEARCH_FAILED, "step 5 could not be solved", barred=True, refused=tried)
     assert coarse_step(problem, outcome) is tried
     said = message(problem, outcome)
@@ -489,7 +489,7 @@ def test_a_coarse_step_that_was_tried_last_is_told_as_one_of_the_last_iterate_is
     assert "Along the last iterate the coarsest step is that at t = 0.08 s" in said
     assert "In what was tried last the time step is coarse at t = 0.1 s: s = 771, 'pitch' moved by 0.764 rad" in said
     # That of the iterate is told alone where it is coarse itself; neither, where constraints are about to lose rank.
-    whirling = SimpleNamespace(worst_step=tried, stages=SimpleNamespace(unfinished="", unmet=""))
+    whirling = SimpleNamespace(here=SimpleNamespace(worst_step=tried), stages=SimpleNamespace(unfinished="", unmet=""))
     assert coarse_step(whirling, replace(outcome, refused=sound)) is tried
     assert "tried last" not in message(whirling, replace(outcome, refused=sound))
     assert coarse_step(problem, replace(outcome, refused=replace(tried, angle=0.05))) is None

@@ -423,7 +423,8 @@ def test_unknowns_beside_rotations_are_derived_and_found():
 def test_what_returns_in_another_space_is_refused_by_name():
     system = Pendulum(5)
     cost, initial = swing_up(system)
-    with pytest.raises(ArgumentError, match="Periodic: got entries of a Circle, expected some of vectors and rotations"):
+    expected = "Periodic: got entries of a Circle, expected some of vectors and rotations"
+    with pytest.raises(ArgumentError, match=expected):
         optimize(system, cost, initial=initial, limits=[Periodic("x*")], free_start=True)
 
 

@@ -27,7 +27,7 @@ from leastaction.optimal import (
     check_derivatives,
     optimize,
 )
-from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.discrete import step_by_step
 from leastaction.optimal.quantity import Samples
 from leastaction.optimal.unknowns.extension import Extension
 from leastaction.optimal.unknowns.system import ExtendedSystem
@@ -275,7 +275,7 @@ def test_steps_of_a_curve_with_gaps_are_differentiated_together(
     y = system.extended(x, np.array([parameters[name] for name in names]))
     y[1:, : own.nx] += rng.uniform(-0.01, 0.01, (len(x) - 1, own.nx))
     ends = system.step_each(y, u).x
-    one_by_one = DiscreteSystem.linearize_each(system, y, u, ends)
+    one_by_one = step_by_step.linearize(system, y, u)
     z = rng.uniform(-1.0, 1.0, (system.N, system.nx))
     wanted = one_by_one.curvature(z)
     made = []

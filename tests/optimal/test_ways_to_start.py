@@ -53,8 +53,8 @@ from leastaction.optimal import (
     check_derivatives,
     resample,
 )
-from leastaction.optimal.discrete.system import OVER_STEPS, SystemAround
 from leastaction.optimal.quantity import Samples
+from leastaction.optimal.system import System
 from optimal.systems import CartPendulum, is_trajectory, rolled_out
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -1022,7 +1022,9 @@ def test_a_window_has_what_its_system_has_of_its_own(rng):
 
 
 def test_whatever_a_system_is_asked_a_window_answers():
-    """By the other system, or of its own steps: nothing is forgotten."""
-    names = {name for name in dir(DiscreteSystem) if not name.startswith("_")}
-    assert names - OVER_STEPS - set(vars(SystemAround)) == {"nx", "nu", "N", "has_curvature"} & names
-    assert not OVER_STEPS - names
+    """By the other system where it is of states and inputs: nothing is forgotten."""
+    names = {name for name in vars(System) if not name.startswith("_")}
+    window = set(vars(WindowSystem))
+    of_steps = set(vars(DiscreteSystem)) | {name for name in names if f"own_{name}" in window}
+    assert {"difference", "plus", "charts", "check_start", "start_directions", "beside", "space"} <= window
+    assert names - window - of_steps == {"has_curvature"}  # which is set

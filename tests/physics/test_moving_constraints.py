@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from leastaction import (
+    FinalTime,
     Gravity,
     Mechanism,
     MechanismSystem,
@@ -244,6 +245,23 @@ def test_a_free_start_stays_on_what_moves() -> None:
     assert found.status.name == "CONVERGED"
     assert abs(pushed.at_time(0.5).constraint_values(found.x[0, :2])[0]) < 1e-9
     assert np.abs(found.x[0, :2] - q).max() > 1e-3
+
+
+@pytest.mark.parametrize("unknowns", [(), (FinalTime(0.9, 1.1),)], ids=["fixed", "final time"])
+def test_a_free_start_in_continuous_time_is_on_what_has_moved(unknowns: tuple[FinalTime, ...]) -> None:
+    pushed = bead().with_elements([ExpressionForce(input_("u"), "x", name="push")])
+    q, v = begun(pushed, 0.5, wire_at(0.5).tolist())
+    last = np.full(4, 10.0)
+    cost = ContinuousQuadraticCost([0.1, 0.2, 0.0, 0.0], [0.0], Q=np.ones(4), R=[1.0], Q_final=last)
+    begin = (np.concatenate([q, v]), np.zeros(1))
+    found = optimize(
+        MechanismSystem(pushed), cost, horizon=(0.5, 1.0), initial=begin, free_start=True, unknowns=unknowns
+    )
+    assert found.status.name == "CONVERGED"
+    then, (q0, v0) = pushed.at_time(0.5), np.split(found.x[0], 2)
+    assert abs(then.constraint_values(q0)[0]) < 1e-9
+    assert abs(then.constraint_rates(q0, v0)[0]) < 1e-9
+    assert np.abs(q0 - q).max() > 1e-3
 
 
 def test_what_drives_a_prescribed_variable_is_what_a_coupling_that_moves_needs() -> None:

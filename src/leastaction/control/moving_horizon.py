@@ -22,13 +22,13 @@ from leastaction.numerics.arrays import Array, as_count, read_only
 from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian
-from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.discrete.system import DiscreteSystem, SystemAround
 from leastaction.optimal.limits.limit import Limit, checked_limits
 from leastaction.optimal.optimization import optimize
 from leastaction.optimal.options import Options
 from leastaction.optimal.quantity import Entries, Quantity
 from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.system import Linearization
+from leastaction.optimal.system import Linearization, keeps
 
 _OPTIONS = Options(tolerance=1e-8, max_iterations=50)
 
@@ -179,15 +179,13 @@ class MovingHorizonEstimator:
         return np.asarray(self.system.moved_start(self.before.x, gain @ (y - self.readings(self.before.x, 0))))
 
 
-class _DisturbedSystem(DiscreteSystem):
+class _DisturbedSystem(SystemAround):
     """``x+ = f(x, u_k, k) + G w`` with given inputs u: the disturbances w are what is found."""
 
-    has_curvature = False
-
     def __init__(self, system: DiscreteSystem, u: Array, G: Array) -> None:
-        self.system, self.given, self.G = system, read_only(u), G
-        self.nx, self.nu, self.N = system.nx, G.shape[1], system.N
-        self.space = system.charts()
+        super().__init__(system)
+        self.given, self.G = read_only(u), G
+        self.nu, self.N, self.has_curvature = G.shape[1], system.N, False
 
     def f(self, x: Array, u: Array, k: int) -> Array:
         return np.asarray(self.system.plus(self.system.f(x, self.given[k], k), self.G @ u))
@@ -195,32 +193,40 @@ class _DisturbedSystem(DiscreteSystem):
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:  # noqa: ARG002
         return self.system.derivatives(x, self.given[k], k)[0], self.G
 
-    def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
-        """Return the derivatives: those of the system, and G."""
-        if type(self.system).linearize is DiscreteSystem.linearize:
-            return super().linearize(x, u, out)
+    def own_linearize(self, x: Array, u: Array, out: Linearization | None) -> Linearization | None:  # noqa: ARG002
+        """Return the derivatives: those of the system by a way of its own, if it has one, and G."""
+        if keeps(self.system, DiscreteSystem, "linearize", "own_linearize"):
+            return None
         A, _ = self.system.linearize(x, self.given)
         return Linearization(A, np.ascontiguousarray(np.broadcast_to(self.G, (self.N, *self.G.shape))))
 
-    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
-        return self.system.start_directions(x, free)
+    def told(self) -> None:
+        """Return None: a motion with other inputs is none of a mechanism's."""
 
-    def moved_start(self, x: Array, dx: Array) -> Array:
-        return self.system.moved_start(x, dx)
+    def own_input_name(self, i: int) -> str:
+        return f"w[{i}]"
 
-    def when(self, k: int) -> str:
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        return tuple(self.input_name(i) for i in range(self.nu))
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        return ("",) * self.nu
+
+    def own_when(self, k: int) -> str:
         return self.system.when(k)
 
-    def time(self, k: int) -> float:
+    def own_time(self, k: int) -> float:
         return self.system.time(k)
 
     @property
-    def quantities(self) -> tuple[str, ...]:
+    def quantities(self) -> tuple[str, ...]:  # type: ignore[override]
         return tuple(kind for kind in self.system.quantities if kind != "input" and self.system.quantity(kind).of_state)
 
-    def quantity(self, kind: str) -> Quantity:
+    def own_quantity(self, kind: str, t: Array | None) -> Quantity:  # noqa: ARG002 - time goes in steps
         if kind == "input":
-            return Entries([f"w[{i}]" for i in range(self.nu)], range(self.nu), of_state=False)
+            return Entries([self.input_name(i) for i in range(self.nu)], range(self.nu), of_state=False)
         return self.system.quantity(kind)
 
 
@@ -258,7 +264,7 @@ class _ReadingCost(Cost):
         bends = np.array([self._bend(x[k], k) for k in range(len(x))])
         return CostHessian(bends[:-1], np.ones(u.shape[1]), None, bends[-1])
 
-    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+    def own_convex_hessian(self, x: Array, u: Array) -> CostHessian:
         """Return all of it, which is convex; see `Cost`."""
         return self.hessian(x, u)
 

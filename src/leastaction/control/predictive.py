@@ -331,7 +331,7 @@ class MPC:
 
     def _state(self, x: ArrayLike) -> Array:
         """Return a state of the model, with what was given an instant ago where it remembers that."""
-        own = self._own_state(x)
+        own = self.whole.state_given(x)
         if not isinstance(self.model, RememberingSystem):
             return own
         return self.model.extended(own, self.u, before=self._given)
@@ -340,15 +340,6 @@ class MPC:
         """Return an input within its bounds, and remember it."""
         self._given = np.clip(u, *self._bounds)
         return self._given.copy()
-
-    def _own_state(self, x: ArrayLike) -> Array:
-        """Return a state, with multipliers of zero where these are part of the system's and were not given."""
-        names = self.system.state_names
-        if np.shape(x) != (self.system.nx,) and getattr(self.whole, "multipliers", False):
-            bare = self.system.nx - int(self.whole.mechanism.nc)  # type: ignore[attr-defined]
-            if np.shape(x) == (bare,):
-                return np.concatenate([as_array(x, "x", (bare,), names=names), np.zeros(self.system.nx - bare)])
-        return as_array(x, "x", (self.system.nx,), names=names)
 
     def _first(self, x: ArrayLike, at: float, begun: float) -> Array:
         result = self.prepare(x, at)

@@ -72,10 +72,11 @@ class Readings:
     def jacobian(self, x: Array, k: int = 0) -> Array:
         """Return their derivatives (ny, ndx) by the directions in which a state moves."""
         slopes = self._slopes(x, k)
-        return slopes if self.space is None else np.asarray(slopes @ self.space.plus_derivative(x))
+        directed = self.space is None or (self._quantity is not None and not self._quantity.by_entries)
+        return slopes if directed or self.space is None else np.asarray(slopes @ self.space.plus_derivative(x))
 
     def _slopes(self, x: Array, k: int) -> Array:
-        """Return their derivatives (ny, nx) by the numbers of a state."""
+        """Return their derivatives (ny, nx) by the numbers of a state, of some quantities (ny, ndx) by directions."""
         if self._matrix is not None:
             return self._matrix
         if self._function is not None:
@@ -83,10 +84,11 @@ class Readings:
             return np.asarray(central_differences(lambda state: np.asarray(function(state)), x))
         assert self._quantity is not None
         found = self._quantity.jacobian(self._at(x, k))[0]
-        columns = self._quantity.columns(self.nx, 0)
+        n = self.nx if self.space is None or self._quantity.by_entries else self.space.ndx
+        columns = self._quantity.columns(n, 0)
         if columns is None:
             return np.asarray(found)
-        whole = np.zeros((self.ny, self.nx))
+        whole = np.zeros((self.ny, n))
         whole[:, columns] = found
         return whole
 

@@ -10,11 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, unknown
+from leastaction.mechanics.discrete.prescribed import inputs_along
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.mechanics.mechanism.turns import prescribed_rotations
 from leastaction.numerics.arrays import Array, as_array, as_flag, as_number, as_times, read_only
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.names import matching
 from leastaction.numerics.public import public
+from leastaction.optimal.discrete.charts import states_between
+from leastaction.optimal.space import Rotations
 
 _RATE = "rate of "
 
@@ -32,16 +36,18 @@ class Experiment(Frozen):
     t : array_like (N+1,)
         Instants of the measurements (s).
     measured : mapping of str to array_like
-        By name: a variable (N+1,); ``"rate of elbow"``, the mean rate of a variable over each interval, (N,); or a
-        frame, the place of its origin in the world, (N+1, 3). NaN where nothing was measured.
+        By name: a variable (N+1,); ``"rate of elbow"``, the mean rate of a variable over each interval, (N,); a
+        frame, the place of its origin in the world, (N+1, 3); or a joint whose rotation is a quaternion, that, (N+1,
+        4), by the rotation vector (rad) that is missing. NaN where nothing was measured.
     sigma : float or mapping of str to float, optional
         Standard deviation of the noise, of all or by name with wildcards, in the units of what is measured. Left out it
         is taken from the residuals, for all that is measured alike.
     inputs : mapping of str to number, array_like or callable, optional
-        Forces, held over each interval (N,), and prescribed variables, at the instants (N+1,), linear between them.
-        What is left out is zero.
+        Forces, held over each interval (N,), and prescribed variables, at the instants (N+1,), linear between them; of
+        a prescribed rotation, by the name of its joint, quaternions (N+1, 4), evenly turned between them. What is left
+        out is zero, or no rotation.
     start : (q, v), optional
-        Configuration and velocity (nq,) to begin with, or a guess of them; q alone begins at rest. From what is
+        Configuration (nq,) and velocity (nv,) to begin with, or a guess of them; q alone begins at rest. From what is
         measured first, if left out.
     free_start : bool
         Whether the start is found too.
@@ -81,7 +87,8 @@ class Experiment(Frozen):
 class Channel:
     """One thing that was measured: values (n, m) with NaN in the gaps, over a deviation.
 
-    ``kind``: "variable", "rate" or "frame". ``at``: the variable, or the frame, in the mechanism's order or by name.
+    ``kind``: "variable", "rate", "frame" or "turn". ``at``: the variable in the mechanism's order, the frame by name,
+    or where the quaternion and its turns begin.
     """
 
     name: str
@@ -93,7 +100,7 @@ class Channel:
     @property
     def labels(self) -> tuple[str, ...]:
         """What each column is."""
-        return tuple(f"{self.name}.{axis}" for axis in "xyz") if self.kind == "frame" else (self.name,)
+        return tuple(f"{self.name}.{axis}" for axis in "xyz") if self.kind in ("frame", "turn") else (self.name,)
 
 
 def channels(experiment: Experiment, m: Mechanism) -> list[Channel]:
@@ -103,13 +110,18 @@ def channels(experiment: Experiment, m: Mechanism) -> list[Channel]:
         bare = name.removeprefix(_RATE)
         at: Any = name
         shape: tuple[int, ...] = (N + 1,)
-        if bare in m.variables:
+        turns = {each.name: each for each in m.tree.rotations}
+        if name in turns and np.shape(given)[-1:] == (4,):
+            kind, shape = "turn", (N + 1, 4)
+            at = m.coordinates.index(turns[name].quaternion[0]), m.variables.index(turns[name].variables[0])
+        elif bare in m.variables and (bare != name or bare in m.coordinates):
             kind, at = "variable" if bare == name else "rate", m.variables.index(bare)
             shape = (N + (bare == name),)
         elif name in m.tree.index:
             kind, shape = "frame", (N + 1, 3)
         else:
-            known = [*m.variables, *(_RATE + each for each in m.variables), *m.tree.index]
+            plain = [each for each in m.variables if each in m.coordinates]
+            known = [*plain, *(_RATE + each for each in m.variables), *m.tree.index, *turns]
             raise unknown("variable or frame", name, known, "measured")
         gaps = np.isnan(_numbers(given, name))
         values = np.where(gaps, np.nan, as_array(np.where(gaps, 0.0, given), f"measured[{name!r}]", shape))
@@ -141,11 +153,12 @@ def _sigma_of(sigma: float | Mapping[str, float] | None, name: str) -> float:
 
 
 def drive(experiment: Experiment, m: Mechanism, t: Array, substeps: int) -> tuple[Array, Array]:
-    """Return inputs (n, nu) over the steps between instants t (n+1,), and prescribed variables (n+1, nrho)."""
-    N = len(experiment.t) - 1
+    """Return inputs (n, nu) over the steps between instants t (n+1,), and what is prescribed (n+1, nq - first_rho)."""
+    N, turned = len(experiment.t) - 1, {each.name: place for each, place, _ in prescribed_rotations(m)}
+    plain = [name for name in m.kinematic if name in m.coordinates]
     for name in experiment.inputs:
-        if name not in m.inputs and name not in m.kinematic:
-            raise unknown("input or prescribed variable", name, [*m.inputs, *m.kinematic], "inputs")
+        if name not in (*m.inputs, *plain, *turned):
+            raise unknown("input or prescribed variable", name, [*m.inputs, *plain, *turned], "inputs")
     forces, middle = np.zeros((len(t) - 1, m.n_inputs)), 0.5 * (t[1:] + t[:-1])
     for j, name in enumerate(m.inputs):
         given: Any = experiment.inputs.get(name, 0.0)
@@ -154,13 +167,27 @@ def drive(experiment: Experiment, m: Mechanism, t: Array, substeps: int) -> tupl
         else:
             held = given if np.ndim(given) else np.full(N, given)
             forces[:, j] = np.repeat(as_array(held, f"inputs[{name!r}]", (N,), meaning="(N,)"), substeps)
-    rho = np.zeros((len(t), m.nrho))
-    for j, name in enumerate(m.kinematic):
-        given = experiment.inputs.get(name, 0.0)
+    rho = np.zeros((len(t), m.nq - m.first_rho))
+    for name in plain:
+        given, j = experiment.inputs.get(name, 0.0), m.coordinates.index(name) - m.first_rho
         if callable(given):
             rho[:, j] = [as_number(given(float(at)), f"inputs[{name!r}]") for at in t]
         else:
             at_samples = given if np.ndim(given) else np.full(N + 1, given)
             values = as_array(at_samples, f"inputs[{name!r}]", (N + 1,), meaning="(N+1,)")
             rho[:, j] = np.interp(t, experiment.t, values)
-    return np.hstack([forces, rho[1:]]), rho
+    for name, j in turned.items():
+        rho[:, j : j + 4] = _turned(experiment.inputs.get(name, [1.0, 0.0, 0.0, 0.0]), name, experiment.t, t)
+    return np.hstack([forces, inputs_along(m, rho)]), rho
+
+
+def _turned(given: Any, name: str, at: Array, t: Array) -> Array:
+    """Return quaternions (n, 4) at times t of what is given of a rotation at others (N+1,)."""
+    what, space = f"inputs[{name!r}]", Rotations()
+    if callable(given):
+        rows = np.array([as_array(given(float(each)), what, (4,)) for each in t])
+        space.check(rows, what)
+        return rows
+    rows = as_array(given, what, (4,), (len(at), 4), meaning="(N+1, 4), or (4,) of one that stays")
+    space.check(rows, what)
+    return states_between(space, np.broadcast_to(rows, (len(at), 4)), at, t)

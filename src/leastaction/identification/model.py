@@ -15,9 +15,12 @@ from leastaction.identification.experiment import Channel, Experiment, channels,
 from leastaction.mechanics.configuration.assembly import project_configuration, project_velocity
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import Trajectory
+from leastaction.mechanics.mechanism.arguments import rates, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array
+from leastaction.mechanics.mechanism.turns import difference, differences
+from leastaction.numerics.arrays import Array
 from leastaction.numerics.differences import fourth_order
+from leastaction.numerics.rotations import inverse, logarithm, logarithm_derivative, product
 from leastaction.systems.midpoint import MidpointSystem
 
 _FEW = 5  # samples whose slope is a first guess of a rate
@@ -45,26 +48,33 @@ class Measured:
 
     def _guess(self, m: Mechanism, rho: Array) -> tuple[Array, Array]:
         """Return configuration and velocity to begin with."""
-        given, q, v = self.experiment.start, np.zeros(m.nq), np.zeros(m.nq)
+        given, q, v = self.experiment.start, m.configuration(), np.zeros(m.nv)
         if given is not None:
             both = isinstance(given, (tuple, list)) and len(given) == 2 and np.ndim(given[0]) == 1
             q, v = given if both else (given, v)
-            return (
-                as_array(q, "start q", (m.nq,), names=m.variables),
-                as_array(v, "start v", (m.nq,), names=m.variables),
-            )
+            return single(m, q, "start q"), rates(m, v, "start v")
         for each in self.channels:
             times = self.experiment.t if each.kind != "rate" else self.experiment.t[:-1]
             known = np.flatnonzero(~np.isnan(each.values[:, 0]))[:_FEW]
             if each.kind == "variable":
                 line = np.polyfit(times[known] - times[0], each.values[known, 0], min(len(known) - 1, 1))
-                q[each.at] = line[-1]
+                q[m.coordinates.index(m.variables[each.at])] = line[-1]
                 v[each.at] = line[0] if len(line) > 1 else 0.0
+            if each.kind == "turn":
+                number, move = each.at
+                turns = each.values[known]
+                q[number : number + 4] = turns[0]
+                if len(known) > 1:
+                    way = logarithm(product(inverse(turns[0]), turns[-1]))
+                    v[move : move + 3] = way / (times[known[-1]] - times[known[0]])
         for each in self.channels:
             if each.kind == "rate":
                 v[each.at] = each.values[~np.isnan(each.values[:, 0]), 0][0]
         if m.nrho:
-            q[m.nd :], v[m.nd :] = rho[0], (rho[1] - rho[0]) / (self.t[1] - self.t[0])
+            still = np.tile(q[: m.first_rho], (2, 1))
+            ends = np.hstack([still, rho[:2]])
+            q[m.first_rho :] = rho[0]
+            v[m.nd :] = difference(m, ends[1], ends[0])[m.nd :] / (self.t[1] - self.t[0])
         if m.nc:
             now = m.at_time(self.t[0])
             q = project_configuration(now, q).q
@@ -83,9 +93,9 @@ class Measured:
 
     @property
     def directions(self) -> Array:
-        """Directions (nx, n) in which the start moves; not those of prescribed variables."""
+        """Directions (ndx, n) in which the start moves; not those of prescribed variables."""
         Z, m = self.base.start_directions(self.x0, None), self.base.mechanism
-        prescribed = [*range(m.nd, m.nq), *range(m.nq + m.nd, m.nx)]
+        prescribed = [*range(m.nd, m.nv), *range(m.nv + m.nd, m.ndx)]
         return np.asarray(Z[:, ~Z[prescribed].any(axis=0)]) if prescribed else Z
 
     def rebase(self, z: Array) -> None:
@@ -95,13 +105,13 @@ class Measured:
 
     def residuals(self, values: Array, z: Array, samples: int) -> tuple[Array, Array]:
         """Return residuals (n,) of the first samples, and their derivatives (n, P + n_start)."""
-        P, Z = len(values), self.directions if self.n_start else np.zeros((self.base.nx, 0))
+        P, Z = len(values), self.directions if self.n_start else np.zeros((self.base.ndx, 0))
         steps = samples * self.substeps
         try:
             system = self.at(values).window(0, steps)
             x0 = self.base.moved_start(self.x0, Z @ z) if self.n_start else self._start(self.at(values))
             run = system.rollout(
-                x0, np.tile(x0, (steps + 1, 1)), self.u[:steps], np.zeros((steps, system.nu, system.nx)), 0, steps
+                x0, np.tile(x0, (steps + 1, 1)), self.u[:steps], np.zeros((steps, system.nu, system.ndx)), 0, steps
             )
         except LeastActionError:
             run = None
@@ -109,7 +119,7 @@ class Measured:
             n = sum(int(np.sum(~np.isnan(self._part(each, samples)))) for each in self.channels)
             return np.full(n, _LOST), np.zeros((n, P + Z.shape[1]))
         (A, _), by = system.linearize_by(run.x, self.u[:steps], self.names)
-        S = np.empty((steps + 1, system.nx, P + Z.shape[1]))
+        S = np.empty((steps + 1, system.ndx, P + Z.shape[1]))
         S[0, :, P:] = Z
         S[0, :, :P] = self._start_by(values)
         for k in range(steps):
@@ -120,10 +130,15 @@ class Measured:
         return np.concatenate([r for r, _ in parts]), np.concatenate([J for _, J in parts])
 
     def _start_by(self, values: Array) -> Array:
-        """Return the derivatives of the start by the parameters (nx, P)."""
+        """Return the derivatives of the start by the parameters (ndx, P)."""
         if self.n_start:
             return np.asarray(self.base.start_by_parameters(self.x0, self.names, True))
-        slopes = [self._by_parameter(values, j, self._start) for j in range(len(values))]
+        x0 = self.x0
+
+        def moved(system: MidpointSystem) -> Array:
+            return system.difference(self._start(system), x0)
+
+        slopes = [self._by_parameter(values, j, moved) for j in range(len(values))]
         return np.array(slopes).reshape(len(values), -1).T
 
     def _by_parameter(self, values: Array, j: int, of: object) -> Array:
@@ -139,20 +154,28 @@ class Measured:
 
     def _of(self, each: Channel, x: Array, S: Array, values: Array, samples: int) -> tuple[Array, Array]:
         """Return residuals and their derivatives of what one channel tells."""
-        predicted, slopes = self._predicted(each, x, S, values)
         wanted = self._part(each, samples)
+        if each.kind == "turn":
+            missing, known = _missing(wanted, x, each.at[0]), ~np.isnan(wanted[:, :3])
+            by = -logarithm_derivative(-missing) @ S[:, each.at[1] : each.at[1] + 3]
+            return missing[known] / each.sigma, by[known] / each.sigma
+        predicted, slopes = self._predicted(each, x, S, values)
         known = ~np.isnan(wanted)
         return (wanted - predicted)[known] / each.sigma, -slopes[known] / each.sigma
 
     def _predicted(self, each: Channel, x: Array, S: Array, values: Array) -> tuple[Array, Array]:
-        nq = self.base.mechanism.nq
+        m = self.base.mechanism
+        q = np.ascontiguousarray(x[:, : m.nq])
         if each.kind == "variable":
-            return x[:, each.at, None], S[:, None, each.at]
+            return q[:, m.coordinates.index(m.variables[each.at]), None], S[:, None, each.at]
+        if each.kind == "turn":
+            return logarithm(q[:, each.at[0] : each.at[0] + 4]), S[:, each.at[1] : each.at[1] + 3]
         if each.kind == "rate":
             dt = np.diff(self.experiment.t[: len(x)])[:, None]
-            return np.diff(x[:, each.at, None], axis=0) / dt, np.diff(S[:, None, each.at], axis=0) / dt[..., None]
-        q, m = np.ascontiguousarray(x[:, :nq]), self.at(values).mechanism
-        slopes = m.frame_jacobian(q, each.at)[:, :3] @ S[:, :nq]
+            ways, slopes = _ways(m, q, S, each.at)
+            return ways / dt, slopes / dt[..., None]
+        m = self.at(values).mechanism
+        slopes = m.frame_jacobian(q, each.at)[:, :3] @ S[:, : m.nv]
         for j in range(len(values)):  # frames may be elsewhere on other bodies
             slopes[:, :, j] += self._by_parameter(
                 values, j, lambda system: system.mechanism.positions(q, [each.at])[:, 0]
@@ -186,7 +209,7 @@ class Measured:
     def told(self, run: Trajectory) -> dict[str, tuple[Array, Array, Array]]:
         """Return times, predictions and residuals (in deviations) of every channel's columns, by label."""
         x, found = run.x[:: self.substeps], {}
-        nothing = np.zeros((len(x), self.base.nx, 0))
+        nothing = np.zeros((len(x), self.base.ndx, 0))
         t = self.experiment.t
         for each in self.channels:
             if each.kind == "frame":
@@ -196,6 +219,29 @@ class Measured:
             else:
                 predicted = self._predicted(each, x, nothing, np.zeros(0))[0]
             times = 0.5 * (t[1:] + t[:-1]) if each.kind == "rate" else t
+            turned = each.kind == "turn"
+            missing = _missing(each.values, x, each.at[0]) if turned else each.values - predicted
             for j, label in enumerate(each.labels):
-                found[label] = times, predicted[:, j], (each.values[:, j] - predicted[:, j]) / each.sigma
+                found[label] = times, predicted[:, j], missing[:, j] / each.sigma
         return found
+
+
+def _missing(wanted: Array, x: Array, place: int) -> Array:
+    """Return the rotation vectors (n, 3) from where a quaternion is in states x to where it was measured, NaN too."""
+    return logarithm(product(inverse(x[:, place : place + 4]), wanted))
+
+
+def _ways(m: Mechanism, q: Array, S: Array, variable: int) -> tuple[Array, Array]:
+    """Return how far a variable moves between instants (N, 1), of a turn the rotation vector's component, and slopes.
+
+    ``S`` (N+1, ndx, P): how configurations q (N+1, nq) move.
+    """
+    ways = differences(m, q[1:], q[:-1])
+    for rotation in m.tree.rotations:
+        first = m.variables.index(rotation.variables[0])
+        if first <= variable < first + 3:
+            e, row = ways[:, first : first + 3], variable - first
+            moved = S[:, first : first + 3]
+            slopes = logarithm_derivative(e) @ moved[1:] - logarithm_derivative(-e) @ moved[:-1]
+            return ways[:, variable, None], slopes[:, row, None]
+    return ways[:, variable, None], np.diff(S[:, None, variable], axis=0)

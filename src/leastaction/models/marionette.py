@@ -18,7 +18,21 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics import Damping, Distance, Frame, Gravity, Mechanism, TendonForce, rx, ry, rz, tx, ty, tz
+from leastaction.mechanics import (
+    Damping,
+    Distance,
+    Frame,
+    Gravity,
+    Mechanism,
+    TendonForce,
+    ball,
+    rx,
+    ry,
+    rz,
+    tx,
+    ty,
+    tz,
+)
 from leastaction.models.puppet_controls import (
     CONTROLS,
     NINE_STRINGS,
@@ -38,13 +52,15 @@ from leastaction.models.puppet_controls import (
     strings_on,
     tied_strings,
 )
+from leastaction.models.puppet_turns import turns_of_angles
+from leastaction.numerics.arrays import as_choice
 from leastaction.numerics.public import public
 
 __all__ = [
     "CONTROLS", "HOOK_REACH", "JOINT_LIMITS", "NINE_STRINGS", "PLANE_HEIGHT", "REST", "STRINGS", "STRING_SETS",
-    "UNHELD", "Bar", "Control", "Count", "Hanging", "PuppetString", "TiedString", "bars_of", "hang_strings",
-    "held_strings", "marionette", "rest_pose", "set_of", "string_lengths", "strings_of", "tie_strings",
-    "tied_strings",
+    "UNHELD", "Bar", "Control", "Count", "Hanging", "PuppetString", "TiedString", "axes_of", "bars_of", "hang_strings",
+    "heading", "held_strings", "marionette", "rest_pose", "set_of", "string_lengths", "strings_of", "tie_strings",
+    "tied_strings", "turns_of_angles",
 ]  # fmt: skip
 
 PLANE_HEIGHT = 2.0
@@ -77,7 +93,13 @@ motion states them as limits."""
 
 
 @public
-def marionette(*, damping: float = 0.2, strings: Hanging = 6, by: Literal["length", "tension"] = "length") -> Mechanism:
+def marionette(
+    *,
+    damping: float = 0.2,
+    strings: Hanging = 6,
+    by: Literal["length", "tension"] = "length",
+    axes: Literal["zyx", "quaternion"] = "zyx",
+) -> Mechanism:
     """Return the marionette.
 
     Parameters
@@ -92,12 +114,17 @@ def marionette(*, damping: float = 0.2, strings: Hanging = 6, by: Literal["lengt
         What is prescribed of a string besides its upper end: its length, as a kinematic variable of a constraint, or
         as its number if it is tied to a bar; or its tension, as an input of the string's name (N, positive where it
         pulls). `PulledSystem` makes the same motions of the second that `MidpointSystem` makes of the first.
+    axes : {"zyx", "quaternion"}, optional
+        How pelvis, hips and shoulders turn: by three angles, or as ball joints ``"torso"``, ``"lhip"``, ``"rhip"``,
+        ``"lshoulder"`` and ``"rshoulder"``, to which no attitude is special; `turns_of_angles` says one by the other.
 
     Raises
     ------
     ArgumentError
         For strings or a way that there are not.
     """
+    as_choice(axes, "axes", ("zyx", "quaternion"))
+    turning = axes == "quaternion"
     if (strings not in STRING_SETS and strings not in CONTROLS) or by not in ("length", "tension"):
         raise ArgumentError(
             f"strings, by: got {strings!r} and {by!r}, expected {', '.join(map(str, STRING_SETS))} strings or one of "
@@ -107,30 +134,28 @@ def marionette(*, damping: float = 0.2, strings: Hanging = 6, by: Literal["lengt
     bars = next((bars for name, bars in CONTROLS.items() if name == strings), ())
     names = {string.name for string in table}
     feet, back, elbows, neck = (f"{part}_string" in names for part in ("left_foot", "back", "left_elbow", "neck"))
-    puppet = [
-        tx("torso_tx"), [ty("torso_ty"), [tz("torso_tz"), [
-            rz("torso_rz"), [ry("torso_ry"), [
-                rx("torso_rx", name="pelvis", mass=10.0, inertia=(1.0, 1.0, 1.0)), [
-                    *_leg("l", "left", feet),
-                    *_leg("r", "right", feet),
-                    *([ty(-HOOK_REACH, name="back_string_hook")] if back else []),
-                    tz(SPINE, name="spine_top"), [
-                        tz(0.045, name="neck"), [
-                            tz(0.045, name="head"), [
-                                tz(0.09, name="head_center", mass=0.75, inertia=(0.08, 0.08, 0.08)), [
-                                    tz(0.08, name="head_end"),
-                                ],
-                            ],
-                        ],
-                        *_arm("l", "left", elbows),
-                        *_arm("r", "right", elbows),
-                        *([tz(0.0, name="neck_string_hook")] if neck else []),
-                        tx(-HOOK_REACH, name="upper_torso_string_hook"),
-                        tx(HOOK_REACH, name="lower_torso_string_hook"),
+    pelvis: dict[str, Any] = {"name": "pelvis", "mass": 10.0, "inertia": (1.0, 1.0, 1.0)}
+    body = [
+        *_leg("l", "left", feet, turning),
+        *_leg("r", "right", feet, turning),
+        *([ty(-HOOK_REACH, name="back_string_hook")] if back else []),
+        tz(SPINE, name="spine_top"), [
+            tz(0.045, name="neck"), [
+                tz(0.045, name="head"), [
+                    tz(0.09, name="head_center", mass=0.75, inertia=(0.08, 0.08, 0.08)), [
+                        tz(0.08, name="head_end"),
                     ],
                 ],
-            ]],
-        ]]],
+            ],
+            *_arm("l", "left", elbows, turning),
+            *_arm("r", "right", elbows, turning),
+            *([tz(0.0, name="neck_string_hook")] if neck else []),
+            tx(-HOOK_REACH, name="upper_torso_string_hook"),
+            tx(HOOK_REACH, name="lower_torso_string_hook"),
+        ],
+    ]  # fmt: skip
+    puppet = [
+        tx("torso_tx"), [ty("torso_ty"), [tz("torso_tz"), _turning("torso", body, turning=turning, **pelvis)]],
     ]  # fmt: skip
     upper_ends: list[Any] = []
     hands = [string for string in table if isinstance(string, PuppetString)]
@@ -150,7 +175,7 @@ def marionette(*, damping: float = 0.2, strings: Hanging = 6, by: Literal["lengt
         [Gravity((0.0, 0.0, -9.8)), Damping(damping), *pulls],
         kinematic=[*kinematic, *(name for bar in bars for name in bar.variables)],
     )
-    return tie_strings(result, hang_strings(result, np.zeros(result.nq))) if bars and by == "length" else result
+    return tie_strings(result, hang_strings(result, result.configuration())) if bars and by == "length" else result
 
 
 @public
@@ -177,12 +202,19 @@ def tie_strings(mechanism: Mechanism, q: npt.ArrayLike) -> Mechanism:
     return mechanism.with_parameters({s.length: float(lengths[names.index(s.name)]) for s in strings})
 
 
-def _leg(side: str, side_name: str, foot_string: bool) -> list[Frame | list[Any]]:
+def _turning(joint: str, behind: list[Any], *, turning: bool, **frame: Any) -> list[Any]:
+    """Return a joint that turns any way, by three angles or as a quaternion, and what is behind it."""
+    if turning:
+        return [ball(joint, axes="quaternion", **frame), behind]
+    return [rz(f"{joint}_rz"), [ry(f"{joint}_ry"), [rx(f"{joint}_rx", **frame), behind]]]
+
+
+def _leg(side: str, side_name: str, foot_string: bool, turning: bool) -> list[Frame | list[Any]]:
     """Return a leg from the hip down; the string is tied ahead of the knee."""
     sign = -1.0 if side == "l" else 1.0
     return [
         tx(sign * HIP_WIDTH, name=f"{side}hip"), [
-            rz(f"{side}hip_rz"), [ry(f"{side}hip_ry"), [rx(f"{side}hip_rx", name=f"{side}femur"), [
+            *_turning(f"{side}hip", [
                 tz(-0.2, name=f"{side}femur_mass", mass=1.5, inertia=(0.3, 0.3, 0.1)),
                 tz(-0.4, name=f"{side}femur_end"), [
                     ty(HOOK_REACH, name=f"{side_name}_leg_string_hook"),
@@ -194,31 +226,29 @@ def _leg(side: str, side_name: str, foot_string: bool) -> list[Frame | list[Any]
                         ],
                     ],
                 ],
-            ]]],
+            ], turning=turning, name=f"{side}femur"),
         ],
     ]  # fmt: skip
 
 
-def _arm(side: str, side_name: str, elbow_string: bool) -> list[Frame | list[Any]]:
+def _arm(side: str, side_name: str, elbow_string: bool, turning: bool) -> list[Frame | list[Any]]:
     """Return an arm from the shoulder down; the string is tied ahead of the wrist, another behind the elbow."""
     sign = -1.0 if side == "l" else 1.0
     return [
         tx(sign * SHOULDER_WIDTH, name=f"{side}shoulder"), [
-            rz(f"{side}shoulder_rz"), [ry(f"{side}shoulder_ry"), [
-                rx(f"{side}shoulder_rx", name=f"{side}humerus"), [
-                    tz(-0.125, name=f"{side}humerus_mass", mass=0.5, inertia=(0.05, 0.05, 0.01)),
-                    tz(-0.25, name=f"{side}humerus_end"), [
-                        *([ty(-HOOK_REACH, name=f"{side_name}_elbow_string_hook")] if elbow_string else []),
-                        rx(f"{side}elbow_rx", name=f"{side}radius"), [
-                            tz(-FOREARM / 2, name=f"{side}radius_mass", mass=0.5, inertia=(0.05, 0.05, 0.01)),
-                            tz(-FOREARM, name=f"{side}hand"), [
-                                ty(HOOK_REACH, name=f"{side_name}_arm_string_hook"),
-                                tz(-0.09, name=f"{side}hand_end"),
-                            ],
+            *_turning(f"{side}shoulder", [
+                tz(-0.125, name=f"{side}humerus_mass", mass=0.5, inertia=(0.05, 0.05, 0.01)),
+                tz(-0.25, name=f"{side}humerus_end"), [
+                    *([ty(-HOOK_REACH, name=f"{side_name}_elbow_string_hook")] if elbow_string else []),
+                    rx(f"{side}elbow_rx", name=f"{side}radius"), [
+                        tz(-FOREARM / 2, name=f"{side}radius_mass", mass=0.5, inertia=(0.05, 0.05, 0.01)),
+                        tz(-FOREARM, name=f"{side}hand"), [
+                            ty(HOOK_REACH, name=f"{side_name}_arm_string_hook"),
+                            tz(-0.09, name=f"{side}hand_end"),
                         ],
                     ],
                 ],
-            ]],
+            ], turning=turning, name=f"{side}humerus"),
         ],
     ]  # fmt: skip
 
@@ -237,7 +267,38 @@ def rest_pose(mechanism: Mechanism) -> npt.NDArray[np.float64]:
     ndarray, shape (nq,)
         Satisfies the constraints: every string is straight above its hook. Gravity and the strings are in balance.
     """
-    return hang_strings(mechanism, mechanism.configuration(REST))
+    pose: Mapping[str, Any] = turns_of_angles(REST) if mechanism.tree.rotations else REST
+    return hang_strings(mechanism, mechanism.configuration(pose))
+
+
+@public
+def axes_of(mechanism: Mechanism) -> Literal["zyx", "quaternion"]:
+    """Return how pelvis, hips and shoulders of a marionette turn; ``mechanism``: from `marionette`."""
+    return "quaternion" if mechanism.tree.rotations else "zyx"
+
+
+@public
+def heading(mechanism: Mechanism, q: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return how far the pelvis is turned to the left from facing along y (rad).
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        From `marionette`.
+    q : array_like, shape (nq,) or (N, nq)
+        Configurations; those of a motion in order.
+
+    Returns
+    -------
+    ndarray, shape () or (N,)
+        The turn about the vertical that is left of its attitude when it has been brought upright by the shortest way,
+        without jumps from one configuration to the next.
+    """
+    q, order = np.asarray(q, dtype=np.float64), mechanism.coordinates
+    if not mechanism.tree.rotations:
+        return np.asarray(q[..., order.index("torso_rz")])
+    half = np.arctan2(q[..., order.index("torso.qz")], q[..., order.index("torso.qw")])
+    return np.asarray(2.0 * (np.unwrap(half, period=np.pi) if half.ndim else np.arctan(np.tan(half))))
 
 
 @public
@@ -280,8 +341,8 @@ def hang_strings(mechanism: Mechanism, q: npt.ArrayLike, *, ahead: float = 0.0) 
             f"{PLANE_HEIGHT:g} m of the plane that the strings hang from. Lower the puppet (torso_tz)"
         )
     result = np.array(q, dtype=np.float64)
-    order = {name: index for index, name in enumerate(mechanism.variables)}
-    yaw = result[..., order["torso_rz"]]
+    order = {name: index for index, name in enumerate(mechanism.coordinates)}
+    yaw = heading(mechanism, q)
     for i, string in enumerate(strings):
         if not isinstance(string, PuppetString):
             continue

@@ -28,7 +28,7 @@ def made(kind: type[Record], **values: Any) -> Record:
 
     Fields that are left out have their defaults.
     """
-    record = _new(kind)
+    record: Record = _new(kind)
     _set(record, "__dict__", values)
     return record
 
@@ -38,7 +38,7 @@ def changed(record: Record, **values: Any) -> Record:
 
     For iterations of microseconds, and classes whose fields are not checked: `__post_init__` is not called.
     """
-    other = _new(type(record))
+    other: Record = _new(type(record))
     _set(other, "__dict__", {**record.__dict__, **values})
     return other
 

@@ -46,8 +46,9 @@ if TYPE_CHECKING:
     )
     from leastaction.optimal.discrete.projection import ProjectionOperator, linearize_along_curve
     from leastaction.optimal.discrete.residuals import GaussNewton
+    from leastaction.optimal.discrete.rollout import Rollout
     from leastaction.optimal.discrete.sums import CostSum
-    from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, WindowSystem
+    from leastaction.optimal.discrete.system import DiscreteSystem, WindowSystem
     from leastaction.optimal.limit_report import LimitReport, LimitState
     from leastaction.optimal.limits.limit import Bound, Equal, Limit, Within
     from leastaction.optimal.limits.priced import PricedLimit, PricedLimits
@@ -92,7 +93,8 @@ else:
                 "LinearQuadraticSolution adjoint regulate solve_linear_quadratic sweep_forward"
             ),
             "leastaction.optimal.discrete.projection": "ProjectionOperator linearize_along_curve",
-            "leastaction.optimal.discrete.system": "DiscreteSystem Rollout WindowSystem",
+            "leastaction.optimal.discrete.rollout": "Rollout",
+            "leastaction.optimal.discrete.system": "DiscreteSystem WindowSystem",
             "leastaction.optimal.limit_report": "LimitReport LimitState",
             "leastaction.optimal.limits.limit": "Bound Equal Limit Within",
             "leastaction.optimal.limits.priced": "PricedLimit PricedLimits",

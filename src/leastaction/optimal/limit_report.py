@@ -1,4 +1,4 @@
-"""What an optimisation tells of its limits."""
+"""What a result says of its limits: values, multipliers, and where they are active."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.public import public
 
-_NAMED = 3  # limits in a sentence at the most, the worst ones
-_LITTLE = 1e-3  # of the dearest violation, below which another is not worth a word
+_NAMED = 3  # most limits that a sentence names, the worst ones
+_LITTLE = 1e-3  # price of a violation, in parts of the largest, below which it is not named
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class LimitState(Frozen):
     labels : tuple of str (m,)
         What each column says, such as ``"push <= 5"``.
     equation : bool
-        Whether equality is asked.
+        Whether it is an equation.
     k : ndarray of int (n,)
         Instants (of quantities of the state) or steps.
     value : ndarray (n, m)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -21,8 +21,7 @@ def rounding_of(cost: float) -> float:
     return _ROUNDING * abs(cost)
 
 
-@dataclass(frozen=True)
-class Trial(Generic[Iterate]):
+class Trial(NamedTuple, Generic[Iterate]):
     """A trajectory at some step length, and its cost.
 
     ``iterate``: the trajectory. ``cost``: its cost.
@@ -78,8 +77,8 @@ class LineSearch:
 
     It ends where the step is so short that what is expected of it drowns in the cost's noise.
 
-    ``alpha``: fraction of the expected decrease that is asked for. ``beta``: largest factor from one trial to the next.
-    The parabola through what is known may say less.
+    ``alpha``: fraction of the expected decrease that a step has to reach. ``beta``: largest factor from one trial to
+    the next. The parabola through what is known may say less.
     """
 
     alpha: float

@@ -97,7 +97,7 @@ class InputRates(LookingBack):
     def remembering(self, memory: Recalled) -> InputRates:
         return InputRates(self.names, self.places.tolist(), self.times, memory)
 
-    def select(self, rows: Sequence[int]) -> InputRates:
+    def own_select(self, rows: Sequence[int]) -> InputRates:
         chosen = [int(self.places[row]) for row in rows]
         return InputRates([self.names[row] for row in rows], chosen, self.times, self.memory)
 
@@ -114,7 +114,7 @@ class InputRates(LookingBack):
     def curvature(self, at: Samples, y: Array) -> None:
         """Return None: they are linear."""
 
-    def is_like(self, other: Quantity) -> bool:
+    def own_is_like(self, other: Quantity) -> bool:
         return isinstance(other, InputRates) and np.array_equal(self.times, other.times)
 
     def _lasts(self, at: Samples) -> Array:

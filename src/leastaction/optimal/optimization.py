@@ -78,7 +78,7 @@ def optimize(
     callback: Callback | None = None,
     **settings: Any,
 ) -> OptimizationResult:
-    """Minimise a cost over the trajectories of a system; the initial state stays as it is, if nothing else is asked.
+    """Minimise a cost over the trajectories of a system, by default from a given initial state.
 
     Parameters
     ----------
@@ -87,18 +87,19 @@ def optimize(
     cost : Cost or ContinuousCost
         What is minimised, such as a `QuadraticCost` or a `ContinuousQuadraticCost`.
     initial : (x, u), OptimizationResult or DenseTrajectory
-        Where to start. Of a discrete system x (N+1, nx) and u (N, nu): if x is not a trajectory of the system, the
-        projection of (x, u) is taken, by the gains of several regulators if the first leads far away; x (nx,) is an
-        initial state alone, to which u is applied. Of an earlier result the trajectory is taken, and the duals, if its
-        limits read as these do. Of a continuous system a curve, whose projection is taken; or x and u, of shapes (nx,)
-        and (nu,), as constants, functions of one time or `PiecewisePolynomial`, where a constant x is an initial state.
+        Where to start. Of a discrete system x (N+1, nx) and u (N, nu), or one of all steps (nu,): if x is not a
+        trajectory of the system, the projection of (x, u) is taken, by the gains of several regulators if the first
+        leads far away; x (nx,) is an initial state alone, or a `State`, to which u is applied. One state or input may
+        be given by name. Of an earlier result the trajectory is taken, and the duals, if its limits read as these do.
+        Of a continuous system a curve, whose projection is taken; or x and u, of shapes (nx,) and (nu,), as constants,
+        functions of one time or `PiecewisePolynomial`, where a constant x is an initial state.
     horizon : (t0, tf), optional
         Times (s); needed with ``(x, u)`` of a continuous system.
     resume : OptimizationResult, optional
         Go on from an earlier result instead of `initial`. The iterates are those of a run that was
         never stopped, if method, regulator, accuracy, cost and system are the same.
     limits : sequence of Limit, optional
-        What the motion has to keep to, as `Bound`, `Equal`, `Within` say. The start need not keep to them. In
+        Inequalities and equations of the motion: `Bound`, `Equal`, `Within` and others. The start may violate them. In
         continuous time they hold at the points of a mesh (see `leastaction.optimal.collocation`), which is made finer
         until the motion is right to a thousand times the accuracy's `rtol`, a hundred-thousandth at most; or to an
         `rtol` that is larger than that.
@@ -142,28 +143,30 @@ def optimize(
 
     Notes
     -----
-    *Models.* ``method="auto"`` starts with quasi-Newton, stays with it while it foretells the cost well, and goes to
+    *Models.* ``method="auto"`` starts with quasi-Newton, stays with it while it predicts the cost well, and goes to
     Newton otherwise. A Newton model without a minimum is damped; a method whose direction cannot be followed is
     replaced, for that iteration, by the next simpler one, and where none can, all of them are shortened by added
     weights. The history and the table show what was used. Whatever the method, convergence is judged by the exact
     second derivative of a discrete system that has one: at a saddle, "auto" and "newton" go on along negative
     curvature, the others end with `Status.SADDLE`.
 
-    *Ways to begin again.* "auto" begins again where it is stuck, or most of its first steps had to be cut short: with
-    gaps between the steps; with inputs that are much dearer at first (`Cost.eased`); and where its steps of time are
-    too coarse, among the motions that they resolve (`DiscreteSystem.resolved_rates`): it ends with `Status.RESOLVED`
-    where that holds the minimum back, and goes on without where it does not. The note of the record says so, and the
-    cost may rise there. ``without`` switches any of them off.
+    *Ways to begin again.* "auto" begins again where it ends without a minimum, or most of its first steps had to be
+    shortened: with gaps between the steps (multiple shooting); with larger weights of the inputs at first
+    (`Cost.eased`); and where its steps of time are too coarse, among the motions that they resolve
+    (`DiscreteSystem.resolved_rates`): it ends with `Status.RESOLVED` where that limit is active at the minimum, and
+    goes on without it where it is not. The note of the record says so, and the cost may rise there. ``without``
+    switches any of them off.
 
     *Gaps.* With ``shooting="multiple"`` the start is a curve whose steps need not meet, the states are unknowns too,
     and the gaps close on the way, before a minimum over trajectories is looked for as ever. It is for starts that are
     known but no trajectories, such as the wanted motion with no inputs, and for motions that are unstable over a long
-    time: there a projection leads far away. For discrete systems. A run that ends before the gaps are closed says so
-    (`gap` of the result). Limits are softest meanwhile. "auto" tries gaps, but with `method` "auto" of a discrete
-    system only, once, from the start, where that cannot be projected, where most of the first steps had to be cut short
-    (within limits, if the projection lost the start), where it is stuck within limits, or where it takes long without;
-    with unknowns at once, where the projection leaves the given curve. Where they do not close soon, it goes on from
-    where it stood, which is the result meanwhile; within limits from their projection.
+    time, whose projection diverges. For discrete systems. A run that ends before the gaps are closed says so (`gap` of
+    the result). Meanwhile violated limits have their lowest prices. With `method` "auto" of a discrete system, "auto"
+    tries gaps once, from the start: where that cannot be projected, where most of the first steps had to be shortened
+    (within limits, if the projection of the start diverged), where it ends without a minimum within limits, or where it
+    takes long without limits; with unknowns at once, where the projection leaves the given curve. Where gaps do not
+    close soon, it goes on from the last trajectory, which is the result meanwhile; within limits from the projection of
+    the curve.
 
     *Continuous time.* On a mesh, which is made finer until it resolves the motion, there is one recursion over its
     pieces: much the faster way, and weights may differ by any ratio. With ``collocate=False``, for problems without

@@ -44,6 +44,8 @@ from leastaction.optimal.unknowns.unknown import Parameter, Unknown, checked_unk
 from leastaction.optimal.ways import WAYS
 from leastaction.optimal.ways.resolved import resumed as resume_within
 
+_ON_MESH = (Collocation, ContinuousExtension)
+_HERE = nullcontext()
 _FAR_OFF = 3.0  # residuals of a fit, in standard deviations that its weights say, which are no noise
 
 
@@ -115,7 +117,8 @@ class Optimizer:
         self._pool = Pool()
         self._extension: Extension | None = None
         self._remembered: Remembered | None = None
-        self._problem = self._discrete() if isinstance(system, DiscreteSystem) else self._continuous()
+        self._is_discrete = isinstance(system, DiscreteSystem)
+        self._problem = self._discrete() if self._is_discrete else self._continuous()
 
     # ---- Runs -------------------------------------------------------------------------------------
 
@@ -161,13 +164,13 @@ class Optimizer:
             raise ArgumentError(f"initial, resume: got {got}, expected one of them.")
         if callback is not None and not callable(callback):
             raise ArgumentError(f"callback: got {type(callback).__name__}, expected a function of an IterationRecord")
-        is_discrete, extension = isinstance(self.system, DiscreteSystem), self._extension
+        extension = self._extension
         if resume is not None:
-            made = OptimizationResult if is_discrete else ContinuousOptimizationResult
+            made = OptimizationResult if self._is_discrete else ContinuousOptimizationResult
             require_instance(resume, "resume", made, "optimize() returns one")
-        if isinstance(self.system, DiscreteSystem):
+        if self._is_discrete:
             if initial is not None:
-                initial = self._checked(self.system, initial)
+                initial = self._checked(cast(DiscreteSystem, self.system), initial)
             # There from the system's own states, and back again.
             for way in (self._remembered, extension):
                 if way is not None:
@@ -181,10 +184,10 @@ class Optimizer:
                 callback = self._problem.callback(callback)
             elif resume is not None:
                 _check_unknowns(resume, ())
-        with _one_thread() if isinstance(self._problem, Collocation | ContinuousExtension) else nullcontext():
+        with _one_thread() if isinstance(self._problem, _ON_MESH) else _HERE:
             loop = Loop(self._begun(initial, resume), self.options, callback, resume, self.ways)
-            if resume is not None and resume.memory is not None and resume.memory.resolved is not None:
-                resume_within(loop.progress, resume, resume.memory)
+            if resume is not None and resume.state is not None and resume.state.run.resolved is not None:
+                resume_within(loop.progress, resume, resume.state)
             result = loop.run()
         if isinstance(self._problem, ContinuousExtension):
             result = self._problem.result(result)
@@ -205,7 +208,7 @@ class Optimizer:
     def _begun(self, initial: Any, resume: OptimizationResult | None) -> Problem[Any, Any, Any]:
         """Return the problem at its first iterate, with the memory that the last run has worked in."""
         given = self._problem
-        if isinstance(given, Collocation | ContinuousExtension):
+        if isinstance(given, _ON_MESH):
             return given.start(initial) if resume is None else given.resume(resume)
         if isinstance(given, ContinuousProblem):
             problem = ContinuousProblem(given.system, given.cost, self.options, given.accuracy, self.horizon)
@@ -220,7 +223,7 @@ class Optimizer:
             if isinstance(initial, OptimizationResult) and not given.parts.rows:
                 initial = initial.x, initial.u
             given.start(initial)
-        elif resume.memory is None or resume.memory.resolved is None:  # within that it stands elsewhere
+        elif resume.state is None or resume.state.run.resolved is None:  # within that it stands elsewhere
             _check_resumed(resume, has=bool(given.parts.rows))
             given.resume(resume)
         return given
@@ -273,7 +276,7 @@ class Optimizer:
         # What is a minimum among resolved motions only says so itself.
         if result.gap > 0.0 or result.status not in (Status.CONVERGED, Status.STALLED):
             return result
-        doubts = [*([] if result.system is None else result.system.doubts(result)), *self._of_fit(result)]
+        doubts = [*([] if result.system is None else result.system.doubts(result) or []), *self._of_fit(result)]
         for doubt in doubts if warn else ():
             warn_of(doubt)
         said = [result.message, *(f"But {doubt}." for doubt in doubts)]

@@ -28,7 +28,8 @@ class Options:
     Parameters
     ----------
     method : {"auto", "steepest", "quasi-newton", "newton"}
-        Model of the descent direction; "auto" goes from quasi-Newton to Newton, and begins again where it is stuck.
+        Model of the descent direction; "auto" goes from quasi-Newton to Newton, and begins again where it
+        ends without a minimum.
     regulator : {"descent", "lqr"}
         Gains of the projection: those of the direction's own linear-quadratic problem, which cost nothing more, or an
         LQR with identities as weights (dissertation 6.3.1).

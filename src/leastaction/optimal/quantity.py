@@ -21,10 +21,10 @@ Instants = np.ndarray[tuple[int], np.dtype[np.intp]]
 
 
 class Samples(NamedTuple):
-    """Where a quantity is asked.
+    """Where a quantity is evaluated.
 
     ``k`` (n,): instants of a quantity of the state, steps of any other. ``x``, ``u``, ``x_next`` (n, nx), (n, nu), (n,
-    nx): state and input there, and the state that the step leads to; no columns where that is not asked for.
+    nx): state and input there, and the state that the step leads to; no columns where that is not needed.
     """
 
     k: Instants
@@ -38,8 +38,8 @@ class Quantity(ABC):
 
     Any number of threads may share one.
 
-    A quantity of the state (`of_state`) is asked at instants. Any other is asked for steps, with their inputs and, if
-    it `looks_ahead`, with the states that the steps lead to.
+    A quantity of the state (`of_state`) is evaluated at instants. Any other is evaluated for steps, with their inputs
+    and, if it `looks_ahead`, with the states that the steps lead to.
     """
 
     names: tuple[str, ...]
@@ -57,13 +57,12 @@ class Quantity(ABC):
     says_all: bool = False
     """Whether the names say all of a bound at zero."""
 
-    def columns(self, nx: int, nu: int) -> Instants | None:  # noqa: ARG002 - overridden
+    def columns(self, nx: int, nu: int) -> Instants | None:
         """Return the places in ``(x, u, x_next)`` on which it depends at all, in which its derivatives are given.
 
-        None: all of x, and all of u and of x_next as far as it is asked with them. A place may come twice in a
-        quantity that looks ahead.
+        None, as here: all of x, and all of u and of x_next as far as it is evaluated with them. A place may come twice
+        in a quantity that looks ahead.
         """
-        return None
 
     @abstractmethod
     def values(self, at: Samples) -> Array:
@@ -83,33 +82,35 @@ class Quantity(ABC):
 
     def select(self, rows: Sequence[int]) -> Quantity:
         """Return some of the functions."""
-        return _Selected(self, tuple(rows))
+        found = self.own_select(rows)
+        return _Selected(self, tuple(rows)) if found is None else found
 
-    def apart(self, other: Quantity, k: Instants) -> Array | None:  # noqa: ARG002 - overridden
-        """Return how far where both are at least zero is apart at instants (n,), above zero where that is nowhere.
+    def own_select(self, rows: Sequence[int]) -> Quantity | None:
+        """Return some of the functions as a quantity that evaluates no others; None where there is no such."""
 
-        None by default: not known.
+    def apart(self, other: Quantity, k: Instants) -> Array | None:
+        """Return the distance between the sets where each is at least zero, at instants (n,); None where not known.
+
+        It is above zero where no state is in both.
         """
-        return None
 
     def is_like(self, other: Quantity) -> bool:
         """Return whether another quantity, stated alike of a system with other parameters, is the same function.
 
         False where that is not known.
         """
-        return other is self
+        return other is self or bool(self.own_is_like(other))
+
+    def own_is_like(self, other: Quantity) -> bool | None:
+        """Return the same of another quantity that is not this one; None where that is not known."""
 
     @property
     def sign(self) -> Quantity:
         """A quantity with the same signs, for bounds at zero; a simpler one, if there is one."""
         return self
 
-    def joined(self, others: Sequence[Quantity]) -> Quantity | None:  # noqa: ARG002 - overridden
-        """Return this and others of its type as one quantity, with the functions of all, if that is less work.
-
-        None by default.
-        """
-        return None
+    def joined(self, others: Sequence[Quantity]) -> Quantity | None:
+        """Return this and others of its type as one quantity, with the functions of all, if that is less work."""
 
     def among(self, others: Sequence[Quantity]) -> list[Self]:
         """Return this and those others that are of its type, for `joined`."""
@@ -178,7 +179,7 @@ class Entries(Quantity):
     def curvature(self, at: Samples, y: Array) -> None:
         """Return None: they are linear."""
 
-    def is_like(self, other: Quantity) -> bool:
+    def own_is_like(self, other: Quantity) -> bool:
         return (
             isinstance(other, Entries)
             and (self.names, self.of_state) == (other.names, other.of_state)
@@ -186,7 +187,7 @@ class Entries(Quantity):
             and np.array_equal(self.factors, other.factors)
         )
 
-    def select(self, rows: Sequence[int]) -> Entries:
+    def own_select(self, rows: Sequence[int]) -> Entries:
         """Return some of the entries."""
         return Entries(
             [self.names[row] for row in rows],
@@ -209,11 +210,11 @@ class QuantityView(Quantity):
 
     @abstractmethod
     def instants(self, k: Instants) -> Instants:
-        """Return the instants of the other quantity at which it is asked."""
+        """Return the instants of the other quantity at which it is evaluated."""
 
 
 def wholes_apart(one: QuantityView, other: Quantity, k: Instants) -> Array | None:
-    """Return how far views are apart whose wholes are asked at the same instants; see `Quantity.apart`."""
+    """Return how far views are apart whose wholes are evaluated at the same instants; see `Quantity.apart`."""
     if not isinstance(other, QuantityView):
         return None
     own = one.instants(k)
@@ -221,11 +222,11 @@ def wholes_apart(one: QuantityView, other: Quantity, k: Instants) -> Array | Non
 
 
 class QuantityElsewhere(QuantityView):
-    """Another quantity, asked in another place; which that is, a subclass says."""
+    """Another quantity, evaluated at other samples, which a subclass says."""
 
     @abstractmethod
     def seen(self, at: Samples) -> Samples:
-        """Return where the other quantity is asked."""
+        """Return where the other quantity is evaluated."""
 
     def values(self, at: Samples) -> Array:
         return self.whole.values(self.seen(at))
@@ -268,7 +269,7 @@ class _Selected(QuantityView):
         weights[:, self.rows] = y
         return self.whole.curvature(at, weights)
 
-    def is_like(self, other: Quantity) -> bool:
+    def own_is_like(self, other: Quantity) -> bool:
         return isinstance(other, _Selected) and self.rows == other.rows and self.whole.is_like(other.whole)
 
 
@@ -300,14 +301,11 @@ class WeightedSum(QuantityView):
     def curvature(self, at: Samples, y: Array) -> Array | None:
         return self.whole.curvature(at, y * self.weights)
 
-    def apart(self, other: Quantity, k: Instants) -> None:
-        """Return None: what is known of the functions says nothing of their sum."""
-
-    def select(self, rows: Sequence[int]) -> Quantity:
+    def own_select(self, rows: Sequence[int]) -> Quantity:
         del rows  # there is one
         return self
 
-    def is_like(self, other: Quantity) -> bool:
+    def own_is_like(self, other: Quantity) -> bool:
         if not isinstance(other, WeightedSum) or not np.array_equal(self.weights, other.weights):
             return False
         return self.whole.is_like(other.whole)

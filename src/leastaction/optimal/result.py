@@ -1,4 +1,4 @@
-"""What an optimisation returns, and what it tells its callback after every iteration."""
+"""What an optimisation returns, and what its callback is called with after every iteration."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from leastaction.numerics.frozen import Frozen, made
 from leastaction.numerics.public import public
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.limit_report import LimitReport
-from leastaction.optimal.memory import Memory
 from leastaction.optimal.options import Options
 from leastaction.optimal.schedule import NewtonSchedule
+from leastaction.optimal.state import SearchState, from_memory
 from leastaction.optimal.system import System
 
 
@@ -177,17 +177,30 @@ class OptimizationHistory:
                 object.__setattr__(self, name, np.full(len(self.method), unknown))
 
 
-class HistoryBuilder:
-    """Collects the records of the iterations, after those of an earlier run."""
+_COUNTS = ("rollouts", "cut_at")
+_NUMBERS = tuple(f.name for f in fields(OptimizationHistory) if f.name not in ("cost", "method", *_COUNTS))
+_counts_of, _numbers_of = attrgetter(*_COUNTS), attrgetter(*_NUMBERS)
 
-    _COLUMNS = tuple(f.name for f in fields(OptimizationHistory) if f.name != "cost")
+
+class HistoryBuilder:
+    """Collects the records of the iterations, after those of an earlier run.
+
+    ``cost``: of every iterate. ``iterations``: how many there were so far.
+    """
 
     def __init__(self, earlier: OptimizationHistory | None = None) -> None:
         self.cost: list[float] = []
-        self._rows: list[tuple[Any, ...]] = []
+        self.iterations = 0
+        self._method: list[str] = []
+        self._numbers: list[tuple[float, ...]] = []
+        self._counts: list[tuple[int, ...]] = []
         if earlier is not None:
-            self.cost = earlier.cost.tolist()
-            self._rows = list(zip(*(list(getattr(earlier, name)) for name in self._COLUMNS), strict=True))
+            self.cost, self._method = earlier.cost.tolist(), list(earlier.method)
+            self.iterations = len(self._method)
+            self._numbers, self._counts = (
+                list(zip(*(each.tolist() for each in columns), strict=True))
+                for columns in (_numbers_of(earlier), _counts_of(earlier))
+            )
 
     @property
     def step_lengths(self) -> list[float]:
@@ -199,33 +212,27 @@ class HistoryBuilder:
         """Expected decreases of the steps so far."""
         return self._column("expected_decrease")
 
-    @property
-    def iterations(self) -> int:
-        """Number of iterations so far."""
-        return len(self._rows)
-
     def add(self, record: IterationRecord) -> None:
         """Add a record; iteration 0 has a cost and nothing else."""
         self.cost.append(record.cost)
         if record.iteration > 0:
-            self._rows.append(_columns_of(record))
+            self.iterations += 1
+            self._method.append(record.method)
+            self._numbers.append(_numbers_of(record))
+            self._counts.append(_counts_of(record))
 
     def build(self) -> OptimizationHistory:
-        """Return the arrays."""
-        columns: Any = zip(*self._rows, strict=True) if self._rows else ((),) * len(self._COLUMNS)
-        found = dict(zip(self._COLUMNS, columns, strict=True))
-        for names, kind in ((_NUMBERS, np.float64), (_COUNTS, np.int64)):  # one array for all of a kind
-            found.update(zip(names, np.array([found[name] for name in names], dtype=kind), strict=True))
-        return made(OptimizationHistory, cost=np.array(self.cost, dtype=np.float64), **found)
+        """Return the arrays: one for all numbers, and one for all counts, in parts."""
+        numbers = np.array(self._numbers, dtype=np.float64).reshape(-1, len(_NUMBERS)).T.copy()
+        counts = np.array(self._counts, dtype=np.int64).reshape(-1, len(_COUNTS)).T.copy()
+        return made(
+            OptimizationHistory, cost=np.array(self.cost, dtype=np.float64), method=tuple(self._method),
+            **dict(zip(_NUMBERS, numbers, strict=True)), **dict(zip(_COUNTS, counts, strict=True)),
+        )  # fmt: skip
 
-    def _column(self, name: str) -> list[Any]:
-        at = self._COLUMNS.index(name)
-        return [row[at] for row in self._rows]
-
-
-_COUNTS = ("rollouts", "cut_at")
-_NUMBERS = tuple(name for name in HistoryBuilder._COLUMNS if name not in ("method", *_COUNTS))
-_columns_of = attrgetter(*HistoryBuilder._COLUMNS)
+    def _column(self, name: str) -> list[float]:
+        at = _NUMBERS.index(name)
+        return [row[at] for row in self._numbers]
 
 
 @public
@@ -271,14 +278,14 @@ class OptimizationResult(Frozen, Savable):
         (x, u) is no trajectory yet.
     unknowns : Mapping[str, float]
         What was found beside the inputs, by name. The trajectory is one of ``system.with_parameters(result.unknowns)``.
-    memory : Memory or None
-        What resuming needs of a run that may begin again; None of others.
+    state : SearchState or None
+        What resuming needs besides of the parts of a search; None of a result that was made elsewhere.
     t : ndarray (N+1,)
         Times of the states (s); their indices, of a system that knows no time.
     state_names, input_names : tuple of str
         Names of the columns of `x` and of `u`, by which ``result["elbow"]`` finds them.
     system : System or None
-        What the system told of itself, for the `trajectory` of a mechanism; None of a system of anything else.
+        What `System.told` returned, for the `trajectory` of a mechanism; None of a system of anything else.
     """
 
     status: Status
@@ -298,7 +305,7 @@ class OptimizationResult(Frozen, Savable):
     worst_step: StepQuality | None = field(default=None, kw_only=True)
     gap: float = field(default=0.0, kw_only=True)
     unknowns: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}), kw_only=True)
-    memory: Memory | None = field(default=None, kw_only=True)
+    state: SearchState | None = field(default=None, kw_only=True, metadata={"earlier": ("memory", from_memory)})
     t: Array = field(default_factory=lambda: np.empty(0), kw_only=True)
     state_names: tuple[str, ...] = field(default=(), kw_only=True)
     input_names: tuple[str, ...] = field(default=(), kw_only=True)
@@ -370,7 +377,11 @@ class OptimizationResult(Frozen, Savable):
         return ("",) * len(self.input_names) if self.system is None else self.system.input_units
 
     def dataset(self) -> Dataset:
-        return dataset_of(self, self, steps=STEP)
+        found = self.own_dataset()
+        return dataset_of(self, self, steps=STEP) if found is None else found
+
+    def own_dataset(self) -> Dataset | None:
+        """Return the same of a result that has more than a file holds of its fields."""
 
     @property
     def iterations(self) -> int:
@@ -379,7 +390,7 @@ class OptimizationResult(Frozen, Savable):
 
     @property
     def success(self) -> bool:
-        """Whether the trajectory is a local minimum to the accuracy asked for or possible.
+        """Whether the trajectory is a local minimum to the wanted accuracy, or to the best possible.
 
         Of `Status.RESOLVED` among the motions that the steps of time resolve.
         """
@@ -401,7 +412,7 @@ class OptimizationResult(Frozen, Savable):
 def dataset_of(result: OptimizationResult, content: object, *, steps: str, prefix: str = "") -> Dataset:
     """Return a result as plain data.
 
-    ``content``: the dataclass that holds all of it, where the fields that all results have begin with ``prefix``.
+    ``content``: the dataclass whose fields a file holds, where the fields that all results have begin with ``prefix``.
     ``steps``: the dimension of what has a row for each input.
     """
     arrays: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""What the choice of a direction remembers: which method is tried when, and how much of it."""
+"""The state of the choice of a direction: which method is tried when, and with which part of the curvature."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ import numpy as np
 
 from leastaction.numerics.frozen import changed
 
-# Factor by which the part of the curvature grows from one good step to the next, and how fast that recovers.
+# Least and largest factor by which the part of the curvature grows after a good step, and the factor of its recovery.
 _LEAST_GROWTH, _LARGEST_GROWTH, _RECOVERY = 1.1, 2.0, 1.03
 
-# Parts of the expected decrease before to which it falls near a minimum: always, and where it is less than the third
-# number of the cost.
+# Ratios of an expected decrease to the last one below which a run converges: of any decrease, and of one that is less
+# than the third number, times the cost.
 _ARRIVING = 0.1, 0.5, 1e-3
 
 # Shift below which there is none, and share of the curvature below which less is tried only after more failed.
 _LEAST_SHIFT, _LEAST_SCALE = 1e-8, 1.0 / 64.0
 
-# Factor by which a step should have been longer where the next is made longer than a full one, by that factor at a
-# time; and the length to which.
+# Ratio of the best length of a step to its length above which the next may be longer than a full one, by at most that
+# ratio; and the largest length.
 _FURTHER, _FURTHEST = 4.0, 8.0
 
 
 @dataclass(frozen=True)
 class NewtonSchedule:
-    """What the choice of a direction remembers from one iteration to the next.
+    """The state of the choice of a direction, from one iteration to the next.
 
-    The automatic choice begins with quasi-Newton, whose model holds far from the minimum too, stays with
-    it while it foretells the decrease of the cost, and then tries Newton's, or where one step of that will do. While
-    that fails, it waits for ever more iterations until it tries again.
+    The automatic choice begins with quasi-Newton, whose model holds far from the minimum too, and stays with it while
+    it predicts the decrease of the cost. Then it tries Newton's method; while that fails, it waits for ever more
+    iterations until it tries again.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class NewtonSchedule:
         Where the cost was seen to fall much further than to the end of the last step, how long the next one may be
         if it is of the same method; else 0.
     holds : bool
-        Whether the last step lowered the cost by what its model had foretold, or it begins at a minimum.
+        Whether the last step lowered the cost by what its model had predicted, or the run begins at a minimum.
     method : str
         That of the last step.
     spent : int
@@ -107,7 +107,7 @@ class NewtonSchedule:
         ``method``: whose direction it followed. ``curvature_scale``: the part of the dynamics' curvature in its model.
         ``length``: its length. ``agreement``: decrease of the cost, relative to the decrease of the model over its full
         step. ``expected``, ``value``: expected decrease, and the cost. ``held``: whether it lowered the cost by what
-        its model had foretold. ``free``: whether its length says nothing of the next.
+        its model had predicted. ``free``: whether its length says nothing of the next.
         """
         shift = self.shift * (0.1 if length == 1.0 else 1.0)
         new: dict[str, Any] = {
@@ -136,7 +136,7 @@ class NewtonSchedule:
         else:
             # A quasi-Newton model that is off by a share s of the true curvature is off by s in the
             # decrease too, and the expected decrease falls by s^2 with every step: good enough if s < 0.1. Short steps
-            # are foretold by any model.
+            # are predicted by any model.
             new["wait"] = max(self.wait - 1, 1 if abs(agreement - 1.0) < 0.1 and self.shift == 0.0 else 0)
         return changed(self, **new)
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -30,8 +30,8 @@ from leastaction.numerics.public import public
 Pattern = npt.NDArray[np.bool_]
 Flags = npt.NDArray[np.bool_]
 
-_STEP, _SECOND = 1e-3, 1e-2  # by which charts are moved for first and second differences of fourth order
-_UNIT = 1e-6  # by which the length of a unit quaternion may be off
+_STEP, _SECOND = 1e-3, 1e-2  # steps of first and second differences of charts, of fourth order
+_UNIT = 1e-6  # largest error of the length of a unit quaternion
 
 
 class StateSpace(ABC):
@@ -72,24 +72,31 @@ class StateSpace(ABC):
     def changes(self, x: Array) -> Array:
         """Return the derivatives (..., ndx, nx) of ``difference(y, x)`` by the numbers of y at x.
 
-        Numbers may be of no state, as those of a quaternion that an integrator has made longer. Left out, as here, what
-        is across the states is without effect.
+        Numbers may be of no state, as those of a quaternion that an integrator has made longer: what is normal to the
+        states is without effect.
         """
         N = self.plus_derivative(x)
-        return np.asarray(np.linalg.pinv(N))
+        normal = np.swapaxes(N, -1, -2)
+        return np.asarray(np.linalg.solve(normal @ N, normal))
 
     def changes_curvature(self, x: Array, w: Array) -> Array:
         """Return the second derivatives (..., nx, nx) of ``w . difference(y, x)`` by the numbers of y at x."""
+        found = self.own_changes_curvature(x, w)
+        if found is not None:
+            return found
         back = self.changes(x)
         bent = self.plus_curvature(x, np.einsum("...ia,...i->...a", back, w))
         return np.asarray(-np.swapaxes(back, -1, -2) @ bent @ back)
 
-    @property
+    def own_changes_curvature(self, x: Array, w: Array) -> Array | None:
+        """Return the same with what is normal to the states; None where that is without effect here too."""
+
+    @cached_property
     def pattern(self) -> Pattern:
         """Which entries (nx, ndx) of a state a direction may move: all of them, if nothing else is known."""
         return np.ones((self.nx, self.ndx), dtype=np.bool_)
 
-    @property
+    @cached_property
     def curved(self) -> Flags:
         """In which directions (ndx,) states are more than subtracted and added: all, if nothing else is known.
 
@@ -97,7 +104,7 @@ class StateSpace(ABC):
         """
         return np.ones(self.ndx, dtype=np.bool_)
 
-    def check(self, x: Array, what: str) -> None:  # noqa: B027 - any numbers may do
+    def check(self, x: Array, what: str) -> None:
         """Raise an `ArgumentError` for states (..., nx) that are none of the space; `what` they are, in messages."""
 
 
@@ -107,6 +114,7 @@ class Vectors(StateSpace):
 
     def __init__(self, n: int) -> None:
         self.nx = self.ndx = as_count(n, "n", 0)
+        self.pattern, self.curved = np.eye(self.nx, dtype=np.bool_), np.zeros(self.nx, dtype=np.bool_)
 
     def difference(self, x: Array, xbar: Array) -> Array:
         return np.asarray(x - xbar)
@@ -125,20 +133,6 @@ class Vectors(StateSpace):
 
     def difference_curvature(self, x: Array, xbar: Array, w: Array) -> Array:  # noqa: ARG002
         return np.zeros((*x.shape, self.nx))
-
-    def changes(self, x: Array) -> Array:
-        return np.broadcast_to(np.eye(self.nx), (*x.shape, self.nx))
-
-    def changes_curvature(self, x: Array, w: Array) -> Array:  # noqa: ARG002
-        return np.zeros((*x.shape, self.nx))
-
-    @property
-    def pattern(self) -> Pattern:
-        return np.eye(self.nx, dtype=np.bool_)
-
-    @property
-    def curved(self) -> Flags:
-        return np.zeros(self.ndx, dtype=np.bool_)
 
 
 @public
@@ -172,10 +166,7 @@ class Rotations(StateSpace):
     def difference_curvature(self, x: Array, xbar: Array, w: Array) -> Array:
         return rotations.logarithm_curvature(self.difference(x, xbar), w)
 
-    def changes(self, x: Array) -> Array:
-        return np.asarray(2.0 * _from(x)[..., 1:, :])
-
-    def changes_curvature(self, x: Array, w: Array) -> Array:
+    def own_changes_curvature(self, x: Array, w: Array) -> Array:
         # x^-1 y = (1 + s, v) is the rotation by 2 v / (1 + s) + O(|v|^3), whatever its length.
         back = _from(x)
         along = np.einsum("...a,...aj->...j", -2.0 * np.asarray(w), back[..., 1:, :])
@@ -216,6 +207,10 @@ class ProductSpace(StateSpace):
         self.nx, self.ndx = sum(part.nx for part in parts), sum(part.ndx for part in parts)
         self._at = _slices([part.nx for part in parts])
         self._moved = _slices([part.ndx for part in parts])
+        self.curved = np.concatenate([part.curved for part in parts])
+        self.pattern = np.zeros((self.nx, self.ndx), dtype=np.bool_)
+        for part, at, by in zip(parts, self._at, self._moved, strict=True):
+            self.pattern[at, by] = part.pattern
 
     def difference(self, x: Array, xbar: Array) -> Array:
         each = zip(self.parts, self._at, strict=True)
@@ -240,27 +235,12 @@ class ProductSpace(StateSpace):
         found = [part.difference_curvature(x[..., at], xbar[..., at], w[..., by]) for part, at, by in each]
         return self._blocks(found, self._moved)
 
-    def changes(self, x: Array) -> Array:
-        found = [np.swapaxes(part.changes(x[..., at]), -1, -2) for part, at in self._each()]
-        return np.swapaxes(self._blocks(found, self._at), -1, -2)
-
-    def changes_curvature(self, x: Array, w: Array) -> Array:
+    def own_changes_curvature(self, x: Array, w: Array) -> Array:
         each = zip(self.parts, self._at, self._moved, strict=True)
         whole = np.zeros((*x.shape, self.nx))
         for part, at, by in each:
             whole[..., at, at] = part.changes_curvature(x[..., at], w[..., by])
         return whole
-
-    @property
-    def pattern(self) -> Pattern:
-        whole = np.zeros((self.nx, self.ndx), dtype=np.bool_)
-        for part, at, by in zip(self.parts, self._at, self._moved, strict=True):
-            whole[at, by] = part.pattern
-        return whole
-
-    @property
-    def curved(self) -> Flags:
-        return np.concatenate([part.curved for part in self.parts])
 
     def check(self, x: Array, what: str) -> None:
         for part, at in self._each():

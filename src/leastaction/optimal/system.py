@@ -22,25 +22,27 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError, brief, closest
-from leastaction.numerics.arrays import Array, as_count
+from leastaction.numerics.arrays import Array, as_array, as_count
 from leastaction.numerics.dataset import Dataset
-from leastaction.numerics.names import as_names
+from leastaction.numerics.names import as_names, matching
 from leastaction.numerics.public import public
 from leastaction.optimal.quantity import Entries, Quantity
 from leastaction.optimal.space import DifferencedSpace, StateSpace, Vectors
 
 SecondOrder = Callable[[Array], Array]
+Found = TypeVar("Found")
 
 FINAL_TIME = "final time"
 """The name among a system's parameters of the time (s) at which its horizon ends, where that can be changed."""
 
 _NOTHING: Mapping[str, float] = MappingProxyType({})
+_NO_KINDS: Mapping[str, str] = MappingProxyType({})
 
 
 @public
@@ -58,8 +60,8 @@ class Linearization:
     B : ndarray (N, ndx, nu)
         ``df/du`` of every step, or at every sample.
     second : callable or None
-        ``second(z) -> (N, ndx+nu, ndx+nu)``, what `curvature` asks; `z` (N, ndx). Without it the optimiser asks
-        the system's `curvatures`.
+        ``second(z) -> (N, ndx+nu, ndx+nu)``, which `curvature` returns; `z` (N, ndx). Without it the
+        optimiser calls the system's `curvatures`.
     memory : object
         Whatever the system writes over when this is given back to it as `out`.
     pattern : ndarray of bool (ndx, ndx+nu) or None
@@ -153,12 +155,11 @@ class System(ABC):
         Of states that are no plain vectors they are derivatives of ``difference(f(plus(x, dx), u + du), f(x, u))``.
         """
 
-    def curvature(self, x: Array, u: Array, when: Any, z: Array, /) -> Array:
-        """Return ``z . D2f``, the symmetric Hessian (ndx+nu, ndx+nu) of ``z'f`` by what `derivatives` are by."""
-        raise NotImplementedError(
-            f"{type(self).__name__} has no second derivative: implement `curvature`, or set "
-            "`has_curvature = False` and use a method other than 'newton'."
-        )
+    def curvature(self, x: Array, u: Array, when: Any, z: Array, /) -> Array | None:
+        """Return ``z . D2f``, the symmetric Hessian (ndx+nu, ndx+nu) of ``z'f`` by what `derivatives` are by.
+
+        None of a system that has none.
+        """
 
     def difference(self, x: Array, xbar: Array) -> Array:
         """Return the difference (ndx,) or (n, ndx) of states, as feedback and projection take it."""
@@ -180,7 +181,7 @@ class System(ABC):
             return None
         return DifferencedSpace(self.nx, self.ndx, self.difference, self.plus)
 
-    @property
+    @cached_property
     def state_names(self) -> tuple[str, ...]:
         """Names of the entries of the state."""
         return self.quantity("state").names
@@ -201,38 +202,42 @@ class System(ABC):
         return ("",) * self.nu
 
     def told(self) -> System | None:
-        """Return what a result keeps of the system, which `motion` is asked of; None by default.
+        """Return the system that a result keeps, to be pickled and saved with it; it has `motion`.
 
-        A mechanism's keeps what can be pickled and saved with a result.
+        None where a result keeps none: of a system of no mechanism.
         """
-        return None
 
     def motion(self, result: Any) -> Any:
-        """Return the trajectory of the mechanism that a result of this system is; for what `told` returns."""
-        raise NotImplementedError(f"{type(self).__name__} is of no mechanism")
+        """Return the trajectory of the mechanism, given a result; a method of the system that `told` returns."""
 
-    def doubts(self, result: Any) -> list[Warning]:  # noqa: ARG002 - overridden
-        """Return what speaks against the motion of a result, for what `told` returns; nothing by default."""
-        return []
+    def doubts(self, result: Any) -> list[Warning] | None:
+        """Return warnings about the accuracy of the motion of a result; likewise."""
 
-    def dataset(self, result: Any) -> Dataset | None:  # noqa: ARG002 - overridden
+    def dataset(self, result: Any) -> Dataset | None:
         """Return what a file of a result says of the system: its settings, its mechanism, and arrays that it adds."""
-        return None
 
     def input_name(self, i: int) -> str:
-        """Return how to speak of entry i of the inputs in messages."""
-        return self.entry_names[1][i] if self.entry_names is not None else f"u[{i}]"
+        """Return the name of entry i of the inputs."""
+        found = self.own_input_name(i)
+        if found is None:
+            found = self.entry_names[1][i] if self.entry_names is not None else f"u[{i}]"
+        return found
 
-    def unknowns_along(self, dx: Array) -> list[str]:  # noqa: ARG002 - overridden
-        """Return the names of unknown numbers that a change (nx,) of an initial state changes; none by default."""
-        return []
+    def own_input_name(self, i: int) -> str | None:
+        """Return the same where it is none of `entry_names`."""
 
-    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:  # noqa: ARG002 - overridden
+    def unknowns_along(self, dx: Array) -> list[str] | None:
+        """Return the names of unknown numbers that a change (nx,) of an initial state changes, if any."""
+
+    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
         """Return the directions (ndx, n) in which an initial state x (nx,) may move.
 
         ``free``: names of the entries of the state that are free, with wildcards; all if None. A system with
         constraints gives a basis of their tangent space.
         """
+        found = self.own_start_directions(x, free)
+        if found is not None:
+            return found
         every = np.eye(self.ndx)
         if free is None:
             return every
@@ -244,72 +249,128 @@ class System(ABC):
         held[self.free_entries(free)] = False
         return every[:, ~space.pattern[held].any(axis=0)]
 
+    def own_start_directions(self, x: Array, free: Sequence[str] | None) -> Array | None:
+        """Return the same of a system whose initial states are not all states."""
+
     def free_entries(self, free: Sequence[str], what: str = "free_start") -> list[int]:
-        """Return the places of the entries of the state with these names; `what` is asked for them, in messages.
+        """Return the places of the entries of the state with these names; `what` they are given for, in messages.
 
         Raises
         ------
         ArgumentError
             A name that no entry has.
         """
-        state = self.quantity("state")
         places: set[int] = set()
         for pattern in free:
-            found = state.matching(pattern)
+            found = matching(self.state_names, pattern)
             if not found:
-                known = closest(pattern, state.names, what="entries of the state")
+                known = closest(pattern, self.state_names, what="entries of the state")
                 raise ArgumentError(f"{what}: unknown name {pattern!r}; {known}")
             places.update(found)
         return sorted(places)
 
-    def check_start(self, x: Array) -> None:  # noqa: B027 - there may be nothing to hold it to
+    def own_state(self, given: Any) -> npt.ArrayLike | None:
+        """Return the numbers of a state (nx,) that is given in the system's own way; None of one by numbers."""
+
+    def state_given(self, given: Any, what: str = "x") -> Array:
+        """Return a state (nx,) that was given by numbers, by name, or in the system's own way, or complain."""
+        found = self.own_state(given)
+        return as_array(given if found is None else found, what, (self.nx,), names=self.state_names)
+
+    def check_start(self, x: Array) -> None:
         """Raise a `ProjectionError` for an initial state that is fixed and none of the system."""
 
     def moved_start(self, x: Array, dx: Array) -> Array:
-        """Return an initial state moved by dx along its directions, brought back to where it may be."""
-        return self.plus(x, dx)
+        """Return an initial state moved by dx along `start_directions`, and projected onto the initial states."""
+        found = self.own_moved_start(x, dx)
+        return self.plus(x, dx) if found is None else found
 
-    def returning_entries(self, names: Sequence[str], what: str) -> list[int]:
-        """Return the places of entries with these names that are the same again in a periodic motion."""
-        return self.free_entries(names, what)
+    def own_moved_start(self, x: Array, dx: Array) -> Array | None:
+        """Return the same of a system whose initial states are not all states."""
 
-    def returning_name(self, place: int) -> str:
-        """Return the name of one of them."""
-        return self.quantity("state").names[place]
+    def returning_entries(self, names: Sequence[str], what: str) -> list[int] | None:
+        """Return the places of entries with these names that are the same again in a periodic motion; None: all."""
 
-    def idle_directions(self, x: Array) -> Array:  # noqa: ARG002 - overridden
-        """Return the directions (ndx, n) of an initial state on which no motion depends."""
-        return np.zeros((self.ndx, 0))
+    def returning_name(self, place: int) -> str | None:
+        """Return the name of one of them, where it is none of `state_names`."""
+
+    def idle_directions(self, x: Array) -> Array | None:
+        """Return the directions (ndx, n) of an initial state on which no motion depends, if there are any."""
 
     # ---- Parameters: what can be found together with a motion ---------------------------------------
 
-    @property
-    def parameters(self) -> Mapping[str, float]:
-        """Values by name of the numbers that can be found together with a motion; of most systems there are none."""
-        return _NOTHING
+    parameters: Mapping[str, float] = _NOTHING
+    """Values by name of the numbers that can be found together with a motion; of most systems there are none."""
 
-    def conditions_of(self, names: Sequence[str]) -> list[Quantity]:  # noqa: ARG002 - overridden
-        """Return what must not be negative for there to be such a system, of some parameters as states (n, P)."""
-        return []
+    def conditions_of(self, names: Sequence[str]) -> list[Quantity] | None:
+        """Return what must not be negative of some parameters, as states (n, P), for such a system to exist."""
 
-    def start_by_parameters(self, x: Array, names: Sequence[str], free: bool | Sequence[str]) -> Array:  # noqa: ARG002
-        """Return how an initial state x (nx,) has to follow parameters, (ndx, len(names)), as far as it is free."""
-        return np.zeros((self.ndx, len(names)))
+    def start_by_parameters(self, x: Array, names: Sequence[str], free: bool | Sequence[str]) -> Array | None:
+        """Return the derivatives (ndx, len(names)) of an initial state x (nx,) by parameters; None: they are zero.
+
+        ``free``: whether it may move, or the names of its entries that may.
+        """
 
     # ---- What can be limited ------------------------------------------------------------------------
 
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        """The kinds of quantities that can be limited, in the order in which names are looked for."""
-        return ("input", "state")
+    quantities: tuple[str, ...] = ("input", "state", "input rate")
+    """The kinds of quantities that can be limited, in the order in which names are looked for."""
+    beside: Mapping[str, str] = _NO_KINDS
+    """Kinds of quantities that know names which another kind does not, by that kind."""
 
-    def quantity(self, kind: str) -> Quantity:
-        """Return the quantities of a kind, by name."""
+    def quantity(self, kind: str, t: Array | None = None) -> Quantity:
+        """Return the quantities of a kind, by name; in continuous time those that depend on it, at the instants t."""
+        found = self.own_quantity(kind, t)
+        if found is None and kind == "input rate":
+            found = self.input_rates()
+        if found is not None:
+            return found
         of_state = kind != "input"
         count = self.nx if of_state else self.nu
         if self.entry_names is not None:
             return Entries(self.entry_names[0 if of_state else 1], range(count), of_state=of_state)
         return Entries([f"{'x' if of_state else 'u'}[{i}]" for i in range(count)], range(count), of_state=of_state)
+
+    def own_quantity(self, kind: str, t: Array | None) -> Quantity | None:
+        """Return the same of a kind of the system's own; None of input and state where they have no other names."""
+
+    def input_rates(self) -> Quantity | None:
+        """Return the rates of the inputs, where time goes in steps."""
+
+
+def second_derivative(system: System, x: Array, u: Array, when: Any, z: Array) -> Array:
+    """Return `System.curvature`, or raise a `NotImplementedError` that says what is missing."""
+    found = system.curvature(x, u, when, z)
+    if found is None:
+        raise NotImplementedError(
+            f"{type(system).__name__} has no second derivative: implement `curvature`, or set "
+            "`has_curvature = False` and use a method other than 'newton'."
+        )
+    return found
+
+
+def missing_unless(found: Found | None, system: System, method: str) -> Found:
+    """Return what an optional method of a system returned, or raise a `NotImplementedError` where it is left out."""
+    if found is None:
+        raise NotImplementedError(f"{type(system).__name__} has no parameters: implement `{method}`.")
+    return found
+
+
+def returning_entries(system: System, names: Sequence[str], what: str) -> list[int]:
+    """Return the places of entries with these names that are the same again in a periodic motion."""
+    found = system.returning_entries(names, what)
+    return system.free_entries(names, what) if found is None else found
+
+
+def returning_name(system: System, place: int) -> str:
+    """Return the name of one of them."""
+    found = system.returning_name(place)
+    return system.state_names[place] if found is None else found
+
+
+def keeps(system: System, base: type, *methods: str) -> bool:
+    """Whether a system has methods as a class has them: a subclass with others may not be computed as that class."""
+    return all(getattr(type(system), name) is getattr(base, name) for name in methods)
 
 
 def sizes_of(

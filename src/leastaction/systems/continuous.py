@@ -28,7 +28,7 @@ from leastaction.numerics.public import public
 from leastaction.optimal.continuous import ContinuousSystem
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.space import bent_by_numbers, by_numbers
-from leastaction.optimal.system import FINAL_TIME, Linearization
+from leastaction.optimal.system import FINAL_TIME, Linearization, keeps
 from leastaction.systems.quantities.continuous import KINDS, points_of, quantity_of
 from leastaction.systems.quantities.physical import conditions_of
 from leastaction.systems.saving import dataset_with_multipliers
@@ -68,6 +68,8 @@ class MechanismSystem(ContinuousSystem):
         `PythonConstraint` there is no curvature, and Newton's method is not offered.
     """
 
+    quantities = KINDS
+
     def __init__(self, dynamics: ContinuousDynamics | Mechanism) -> None:
         self.dynamics = as_dynamics(dynamics)
         self.mechanism = m = self.dynamics.mechanism
@@ -80,7 +82,7 @@ class MechanismSystem(ContinuousSystem):
         """Return the rate of the state (nx,); `DynamicsError` where the mechanism has none."""
         return np.asarray(self.rates(x[None, :], u[None, :], np.array([t]))[0])
 
-    def rates(self, x: Array, u: Array, t: Array) -> Array:
+    def own_rates(self, x: Array, u: Array, t: Array) -> Array:
         m = self.mechanism
         nq, nd = m.nq, m.nd
         points = points_of(m, x, u)
@@ -95,14 +97,11 @@ class MechanismSystem(ContinuousSystem):
         return rates
 
     def roll_out_pieces(
-        self, h: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
+        self, h: Array, t: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
     ) -> int:
-        kind = type(self)
-        if self.space is not None or self.mechanism.core.timed:
-            return 0  # the core goes on in plain vectors and without the time
-        if kind.rates is not MechanismSystem.rates or kind.f is not MechanismSystem.f:
+        if not keeps(self, MechanismSystem, "rates", "own_rates", "f"):
             return 0  # its own rates count
-        return self.dynamics.core.roll_out_pieces(h, matrix, *reference, K, z, u)
+        return self.dynamics.core.roll_out_pieces(h, t, matrix, *reference, K, z, u)
 
     def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:
         A, B = self.linearize(x[None, :], u[None, :], np.array([t]))
@@ -111,7 +110,7 @@ class MechanismSystem(ContinuousSystem):
     def curvature(self, x: Array, u: Array, t: float, z: Array) -> Array:
         return np.asarray(self.curvatures(x[None, :], u[None, :], np.array([t]), z[None, :])[0])
 
-    def linearize(self, x: Array, u: Array, t: Array) -> Linearization:
+    def own_linearize(self, x: Array, u: Array, t: Array) -> Linearization:
         m = self.mechanism
         nq, nd = m.nq, m.nd
         slopes = self.dynamics.linearize(*points_of(m, x, u), t).all
@@ -129,7 +128,7 @@ class MechanismSystem(ContinuousSystem):
         second = partial(self.curvatures, x.copy(), u.copy(), t.copy())
         return Linearization(J[:, :, : self.nx], J[:, :, self.nx :], second)
 
-    def curvatures(self, x: Array, u: Array, t: Array, z: Array) -> Array:
+    def own_curvatures(self, x: Array, u: Array, t: Array, z: Array) -> Array:
         m = self.mechanism
         points, z_a = points_of(m, x, u), np.ascontiguousarray(z[:, m.nq : m.nq + m.nd])
         found = self.dynamics.curvature(*points, t, z_a=z_a)
@@ -145,14 +144,9 @@ class MechanismSystem(ContinuousSystem):
     @property
     def autonomous(self) -> bool:  # type: ignore[override]
         """Whether nothing depends on time: no expression in it, and no subclass has rates of its own."""
-        kind = type(self)
-        return not self.mechanism.core.timed and kind.rates is MechanismSystem.rates and kind.f is MechanismSystem.f
+        return not self.mechanism.core.timed and keeps(self, MechanismSystem, "rates", "own_rates", "f")
 
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        return KINDS
-
-    def quantity(self, kind: str, t: Array | None = None) -> Quantity:
+    def own_quantity(self, kind: str, t: Array | None) -> Quantity:
         return quantity_of(self.dynamics, kind, np.zeros(1) if t is None else t)
 
     @property
@@ -169,8 +163,8 @@ class MechanismSystem(ContinuousSystem):
         if type(self) is MechanismSystem:
             return self
         plain = MechanismSystem(self.dynamics)
-        own = type(self).f is not MechanismSystem.f or type(self).rates is not MechanismSystem.rates
-        return None if own or (plain.nx, plain.nu) != (self.nx, self.nu) else plain
+        own = keeps(self, MechanismSystem, "rates", "own_rates", "f")
+        return None if not own or (plain.nx, plain.nu) != (self.nx, self.nu) else plain
 
     def dataset(self, result: Any) -> Dataset:
         names = "constraint_damping", "constraint_stiffness", "threads"
@@ -189,7 +183,7 @@ class MechanismSystem(ContinuousSystem):
     # ---- Parameters -------------------------------------------------------------------------------
 
     @property
-    def parameters(self) -> Mapping[str, float]:
+    def parameters(self) -> Mapping[str, float]:  # type: ignore[override]
         """Those of the mechanism."""
         return self.mechanism.parameters
 
@@ -239,16 +233,16 @@ class MechanismSystem(ContinuousSystem):
 
     # ---- What it is asked -------------------------------------------------------------------------
 
-    def input_name(self, i: int) -> str:
+    def own_input_name(self, i: int) -> str:
         """Return the name of an input, or of the prescribed variable whose acceleration it is."""
         m = self.mechanism
         return (*m.inputs, *m.variables[m.nd :])[i]
 
-    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
+    def own_start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
         """Return the directions (nx, n) in which an initial state may move; tangent to the constraints.
 
-        With ``h(q) = 0`` and ``Dh v = 0`` they are the null space of ``[Dh, 0; v'D2h, Dh]``, among the entries that are
-        free.
+        With ``h = 0`` and ``Dh v + dh/dt = 0`` they are the null space of ``[Dh, 0; v'D2h + D dh/dt, Dh]``, among the
+        entries that are free.
         """
         m = self.mechanism
         chosen = list(range(self.nx)) if free is None else self.free_entries(free)
@@ -267,10 +261,15 @@ class MechanismSystem(ContinuousSystem):
         # Directions may be off by a difference's error: `moved_start` brings the state back onto the constraints.
         ends = moved(m, np.stack([q, q]), h * np.stack([v, -v]))
         turned = (m.constraint_jacobian(ends[0]) - m.constraint_jacobian(ends[1])) / (2.0 * h)
+        turned = turned + m.core.constraint_drift(q)[1]
         held = np.block([[Dh, np.zeros_like(Dh)], [turned, Dh]])
         return np.asarray(whole @ NullSpace.of(held[:, chosen]).basis)
 
-    def moved_start(self, x: Array, dx: Array) -> Array:
+    def own_starting_at(self, t: float) -> MechanismSystem | None:
+        then = self.mechanism.at_time(t)
+        return None if then is self.mechanism else self._remade(then)
+
+    def own_moved_start(self, x: Array, dx: Array) -> Array:
         """Return an initial state moved along its directions, and brought back onto the constraints."""
         m = self.mechanism
         there = x + dx

@@ -70,7 +70,7 @@ class _PlaceOfFrame(Quantity):
             return None
         return _PlacesOfFrames(self.mechanism, [(place.frame, place.point) for place in places], regions)
 
-    def is_like(self, other: Quantity) -> bool:
+    def own_is_like(self, other: Quantity) -> bool:
         if not isinstance(other, _PlaceOfFrame) or self.keep is not other.keep:
             return False
         region = self.keep.inside or self.keep.outside

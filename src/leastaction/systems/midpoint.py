@@ -25,7 +25,7 @@ from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.outcome import quality_of, step_error
 from leastaction.mechanics.discrete.sensitivity import start_by
 from leastaction.mechanics.discrete.step_sensitivity import StepSensitivity, by_time_step, steps_by
-from leastaction.mechanics.discrete.trajectory import Trajectory
+from leastaction.mechanics.discrete.trajectory import State, Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.units import input_units, multiplier_units, state_units
 from leastaction.mechanics.mechanism.turns import differences
@@ -34,9 +34,10 @@ from leastaction.numerics.dataset import Dataset
 from leastaction.numerics.frozen import changed, made, restore_state, saved_state
 from leastaction.numerics.public import public
 from leastaction.numerics.step_quality import StepQuality
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, check_window
+from leastaction.optimal.discrete.rollout import Rollout
+from leastaction.optimal.discrete.system import DiscreteSystem, check_window
 from leastaction.optimal.quantity import Quantity
-from leastaction.optimal.system import FINAL_TIME, Linearization
+from leastaction.optimal.system import FINAL_TIME, Linearization, keeps
 from leastaction.systems.quantities.discrete import ACROSS, KINDS, quantity_of
 from leastaction.systems.quantities.physical import conditions_of
 from leastaction.systems.saving import dataset_with_multipliers
@@ -78,6 +79,8 @@ class MidpointSystem(DiscreteSystem):
         self.integrator = integrator
         self.t = as_times(t)
         self.multipliers = multipliers
+        # Multipliers can be limited only where they are part of the state.
+        self.quantities = tuple(kind for kind in KINDS if multipliers or kind not in ("multiplier", "tension"))
         self.nx = m.nx + (m.nc if multipliers else 0)
         self.nu = m.n_inputs + m.nrho
         self.space = space_of_states(m, beside=m.nc if multipliers else 0)
@@ -90,10 +93,10 @@ class MidpointSystem(DiscreteSystem):
         """What the integrator steps."""
         return self.integrator.mechanism
 
-    def when(self, k: int) -> str:
+    def own_when(self, k: int) -> str:
         return f"step {k} at t = {self.t[k]:.4g} s"
 
-    def input_name(self, i: int) -> str:
+    def own_input_name(self, i: int) -> str:
         """Return the name of an input, or of the prescribed variable that stands behind the inputs."""
         m = self.mechanism
         return (*m.inputs, *m.variables[m.nd :])[i]
@@ -135,7 +138,7 @@ class MidpointSystem(DiscreteSystem):
         own = {"multipliers": self.multipliers, "first_share": self.first_share, "at_instants": list(vi.at_instants)}
         return dataset_with_multipliers(result, {"name": "MidpointSystem", **settings, **own}, impulses=True)
 
-    def window(self, start: int, stop: int) -> DiscreteSystem:
+    def own_window(self, start: int, stop: int) -> DiscreteSystem:
         check_window(start, stop, self.N)
         return self._remade(self.integrator, self.t[start : stop + 1], self._share(start))
 
@@ -146,14 +149,14 @@ class MidpointSystem(DiscreteSystem):
         names = tuple(name for name in m.variables if name in turning)
         return (names, _RESOLVED / np.diff(self.t)[:, None]) if names else None
 
-    def time(self, k: int) -> float:
+    def own_time(self, k: int) -> float:
         return float(self.t[k])
 
     @property
     def times(self) -> Array:
         return self.t
 
-    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
+    def own_start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
         """Return the directions (nx, n) in which an initial state may move; see `DiscreteSystem`.
 
         Those of the configuration are tangent to the constraints, and so are those of the momenta. The multipliers of
@@ -195,6 +198,13 @@ class MidpointSystem(DiscreteSystem):
             whole[m.nv : m.nv + m.nd] = taken_up
         return whole
 
+    def own_state(self, given: Any) -> ArrayLike | None:
+        """Return the numbers of a `State`; multipliers of no step before are zero."""
+        bare = given.x if isinstance(given, State) else given
+        if self.multipliers and np.shape(bare) == (self.mechanism.nx,):
+            return np.concatenate([bare, np.zeros(self.mechanism.nc)])
+        return None if bare is given else np.asarray(bare)
+
     def check_start(self, x: Array) -> None:
         m = self.mechanism.at_time(self.t[0])
         if m.nc:
@@ -206,7 +216,7 @@ class MidpointSystem(DiscreteSystem):
                     "free_start=True, or with `relax`"
                 ) from None
 
-    def moved_start(self, x: Array, dx: Array) -> Array:
+    def own_moved_start(self, x: Array, dx: Array) -> Array:
         m = self.mechanism.at_time(self.t[0])
         moved = self.plus(x, dx)
         if m.nc:
@@ -220,7 +230,7 @@ class MidpointSystem(DiscreteSystem):
         return [i for i in self.free_entries(names, what) if i < self.mechanism.nx]
 
     @property
-    def parameters(self) -> Mapping[str, float]:
+    def parameters(self) -> Mapping[str, float]:  # type: ignore[override]
         """Those of the mechanism, and the final time (s)."""
         return {**self.mechanism.parameters, FINAL_TIME: float(self.t[-1])}
 
@@ -332,12 +342,7 @@ class MidpointSystem(DiscreteSystem):
                 ) from None
         return out
 
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        """The kinds of quantities that can be limited; those of multipliers only where they are part of the state."""
-        return tuple(kind for kind in KINDS if self.multipliers or kind not in ("multiplier", "tension"))
-
-    def quantity(self, kind: str) -> Quantity:
+    def own_quantity(self, kind: str, t: Array | None) -> Quantity:  # noqa: ARG002 - its own times
         return quantity_of(self.mechanism, kind, self.t, multipliers=self.multipliers)
 
     def f(self, x: Array, u: Array, k: int) -> Array:
@@ -359,12 +364,12 @@ class MidpointSystem(DiscreteSystem):
     def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
         return np.asarray(self._step(x, u, k).curvature_all(z[None, :])[0])
 
-    def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
+    def own_rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout | None:
         m = self.mechanism
         if self.multipliers and np.any(K[start:stop, :, m.ndx :]):
             # The core feeds back no multipliers. Nothing depends on them, so no optimal gain is lost with
             # theirs; a gain that does have them takes the slow way.
-            return super().rollout(x0, xbar, ubar, K, start, stop)
+            return None
         out = self.integrator.core.roll_out(
             self.t[start : stop + 1],
             x0[: m.nx],
@@ -382,18 +387,18 @@ class MidpointSystem(DiscreteSystem):
         at = None if worst is None else start + out.worst.k
         return made(Rollout, x=x, u=out.u[:done], steps_done=done, failure=failure, worst_step=worst, worst_at=at)
 
-    def linearize_by(
-        self, x: Array, u: Array, names: Sequence[str], out: Linearization | None = None
-    ) -> tuple[Linearization, Array]:
-        own = type(self).linearize is MidpointSystem.linearize and not self.mechanism.core.timed
+    def own_linearize_by(
+        self, x: Array, u: Array, names: Sequence[str], out: Linearization | None
+    ) -> tuple[Linearization, Array] | None:
+        own = keeps(self, MidpointSystem, "linearize", "own_linearize") and not self.mechanism.core.timed
         if tuple(names) != (FINAL_TIME,) or not own:
-            return super().linearize_by(x, u, names, out)
+            return None
         by = np.empty((self.N, self.ndx))
         d = self._linearize(self.t, x, u, self.first_share, _memory_of(out), by)
         by *= np.diff(self.t)[:, None] / (self.t[-1] - self.t[0])
         return self._linearization(d), by[:, :, None]
 
-    def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
+    def own_linearize(self, x: Array, u: Array, out: Linearization | None) -> Linearization:
         return self._linearization(self._linearize(self.t, x, u, self.first_share, _memory_of(out)))
 
     def _linearization(self, d: StepDerivatives) -> Linearization:
@@ -402,9 +407,9 @@ class MidpointSystem(DiscreteSystem):
             packed=d.packed_curvature_all,
         )  # fmt: skip
 
-    def step_each(self, x: Array, u: Array) -> Rollout:
+    def own_step_each(self, x: Array, u: Array) -> Rollout | None:
         if type(self).f is not MidpointSystem.f:
-            return super().step_each(x, u)
+            return None
         m = self.mechanism
         out = self.integrator.core.step_each(self.t, self._bare(x), u, self.integrator.threads, self.first_share)
         worst = quality_of(m, out, self.t)
@@ -413,9 +418,9 @@ class MidpointSystem(DiscreteSystem):
         at = None if out.worst.k < 0 else out.worst.k
         return Rollout(ends[: out.steps], u[: out.steps], out.steps, failure, worst, at)
 
-    def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
+    def own_linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization | None:
         if type(self).derivatives is not MidpointSystem.derivatives:
-            return super().linearize_each(x, u, ends)
+            return None
         d = self.integrator.linearize_arrays(
             self.t, self._bare(x), u, multipliers=self.multipliers, ends=self._bare(ends), first_share=self.first_share
         )

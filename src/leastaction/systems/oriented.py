@@ -75,7 +75,7 @@ class TurnOfFrame(Quantity):
         J, share = self.turn.jacobian(q, e), -y / self.within
         return np.asarray(share[:, :, None] * (J.transpose(0, 2, 1) @ J) + self.turn.bent(q, e, share * e))
 
-    def is_like(self, other: Quantity) -> bool:
+    def own_is_like(self, other: Quantity) -> bool:
         if not isinstance(other, TurnOfFrame) or self.limit is not other.limit:
             return False
         return np.array_equal(self.turn.wanted, other.turn.wanted) and places_alike(self.mechanism, other.mechanism)

@@ -67,7 +67,7 @@ class AngleToDirection(Quantity):
         H += np.einsum("na,naij->nij", np.cross(axis, towards)[:, 0], self.turned.changes(q))
         return np.asarray(0.5 * self._scale * y[:, :, None] * (H + H.transpose(0, 2, 1)))
 
-    def is_like(self, other: Quantity) -> bool:
+    def own_is_like(self, other: Quantity) -> bool:
         if not isinstance(other, AngleToDirection) or self.limit is not other.limit:
             return False
         return places_alike(self.mechanism, other.mechanism)

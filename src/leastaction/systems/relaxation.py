@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, brief, unknown
 from leastaction.mechanics.elements.base import Constraint
-from leastaction.mechanics.mechanism.arguments import angles_only
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_number, require_instance
 from leastaction.numerics.public import public
@@ -211,14 +210,16 @@ def by_tensions(
         raise ArgumentError(f"cost: got {type(cost).__name__}, expected a QuadraticCost: lengths are left out of it")
     cost = cast(QuadraticCost, cost.over(system.N))
     whole = system.mechanism
-    angles_only(whole, "by_tensions")
     strings = _strings(whole)
     m = whole.with_exchanged({name: [force] for name, force in strings.items()})
     late = [name for name in m.inputs if name not in whole.inputs]
     pulled = PulledSystem(system.integrator.like(m), system.t, at_instants=late)
-    states = [*(whole.variables.index(n) for n in m.variables)]
-    states += [whole.nq + i for i in range(whole.nd)]
-    states += [whole.nq + whole.nd + whole.kinematic.index(n) for n in m.kinematic]
+    # Its numbers among those of the state with strings, and its directions among the directions of that.
+    rates = [whole.nd + whole.kinematic.index(name) for name in m.kinematic]
+    states, moves = (
+        [*(of.index(name) for name in names), *(len(of) + i for i in (*range(whole.nd), *rates))]
+        for of, names in ((whole.coordinates, m.coordinates), (whole.variables, m.variables))
+    )
     inputs = [*range(whole.n_inputs), *(whole.n_inputs + whole.kinematic.index(n) for n in m.kinematic)]
     free = whole.n_inputs
 
@@ -230,9 +231,10 @@ def by_tensions(
     easier = QuadraticCost(
         cost.x_wanted[:, states],
         np.insert(cost.u_wanted[:, inputs], [free] * len(late), 0.0, axis=1),
-        Q=_part(cost.Q, states),
+        Q=_part(cost.Q, moves),
         R=_widened(_part(cost.R, inputs), free, np.full(len(late), weight)),
-        Q_final=_part(cost.Q_final, states),
+        Q_final=_part(cost.Q_final, moves),
+        space=pulled,
     )
     limits = [] if least is None else [Bound(late, min=least, of="input")]
     stages = StartStages(callback)
@@ -338,7 +340,7 @@ def _strings(m: Mechanism) -> dict[str, Any]:
 
 def _at_rest(m: Mechanism, late: Sequence[str], q: Array, least: float | None) -> Array:
     """Return the tensions with which strings carry a configuration as well as they can."""
-    rest = np.zeros(m.nq)
+    rest = np.zeros(m.nv)
     slope = m.core.gradient(np.ascontiguousarray(q), rest)[0][: m.nd]
     _, _, by_input = m.core.force_jacobians(np.ascontiguousarray(q), rest, np.zeros(m.n_inputs))
     columns = by_input[: m.nd, [m.inputs.index(name) for name in late]]

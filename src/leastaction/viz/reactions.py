@@ -71,7 +71,7 @@ def reactions_of(motion: Trajectory | ContinuousTrajectory) -> list[Signal]:
     else:
         t, q, pulls = motion.t[1:-1], motion.q[1:-1], motion.lam[1:]
         over = 0.5 * (motion.t[2:] - motion.t[:-2])
-    at = dict(zip(m.variables, q.T, strict=True))
+    at = dict(zip(m.coordinates, q.T, strict=True))
     forces: list[Signal] = []
     for name, unit, column in zip(m.constraints, motion.multiplier_units, pulls.T, strict=True):
         element = m.elements.get(name)

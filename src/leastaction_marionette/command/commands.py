@@ -13,6 +13,7 @@ from rich.console import Console, RenderableType
 
 from leastaction.apps.cli import OUTPUT, OptimiserOptions, OutputOptions, checked_folder, complain, printing_numbers
 from leastaction.errors import ArgumentError
+from leastaction_marionette.choices import Axes
 from leastaction_marionette.command.options import MOTION, MotionOptions, PuppetOptions
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ def _optimized(
 
             request = Request(load_unfinished(resume), limits, check=check)
         else:
-            request = Request(_motion(wanted), limits, puppet.strings, wanted.follow, check)
+            request = Request(_motion(wanted, puppet.axes), limits, puppet.strings, wanted.follow, check, puppet.axes)
         return _run(request, optimiser, output, folder)
 
 
@@ -166,7 +167,7 @@ def draw(file: Path, /, *, output: OutputOptions) -> int:
     return 0
 
 
-def _motion(wanted: MotionOptions) -> Motion | AtSpeeds:
+def _motion(wanted: MotionOptions, axes: Axes = "zyx") -> Motion | AtSpeeds:
     """Return the motion that is asked for: read from a file, at any speed if need be, or made up."""
     if wanted.motion is None:
         from leastaction_marionette.walk import walk_in_place
@@ -183,7 +184,7 @@ def _motion(wanted: MotionOptions) -> Motion | AtSpeeds:
                 file, mapping=wanted.mapping, duration=wanted.duration, dt=wanted.dt, start=wanted.start,
                 in_place=wanted.in_place, trim=wanted.trim, speed=speed, up=wanted.up, forward=wanted.forward,
                 heading=wanted.heading, markers=wanted.follow == "markers", skeleton=wanted.skeleton,
-                frame_rate=wanted.frame_rate,
+                frame_rate=wanted.frame_rate, axes=axes,
             )  # fmt: skip
         console.print(loaded.summary(), markup=False)
         for warning in loaded.warnings:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Group, Parameter, Token
 
 from leastaction.errors import ArgumentError
-from leastaction_marionette.choices import Axis, Follow, Heading, Strings
+from leastaction_marionette.choices import Axes, Axis, Follow, Heading, Strings
 
 if TYPE_CHECKING:
     from leastaction_marionette.tracking import PuppetLimits
@@ -126,6 +126,9 @@ class PuppetOptions:
         neck; 11, the six with feet, pelvis and elbows. Or what the seven are tied to, with fixed lengths: cross, a
         rigid bar for all; cross+legs, with a bar of their own for the knees; cross+hands, cross+legs+hands, where
         the strings of the puppet's hands are picked up by hands.
+    axes
+        How pelvis, hips and shoulders turn: zyx, by three angles, of which the second keeps off a right one; or
+        quaternion, as ball joints, for arms that are swung overhead and bodies that turn over.
     tension
         Least tension of every string at every instant, N.
     strength
@@ -150,6 +153,7 @@ class PuppetOptions:
     """
 
     strings: Annotated[Strings, Parameter(group=PUPPET)] = 6
+    axes: Annotated[Axes, Parameter(group=PUPPET)] = "zyx"
     tension: Annotated[float, Parameter(group=PUPPET)] = 0.5
     strength: Annotated[float, Parameter(group=PUPPET)] = math.inf
     reach: Annotated[float, Parameter(group=PUPPET)] = 2.0

@@ -20,10 +20,11 @@ from leastaction_marionette.bars import plot_bars
 from leastaction_marionette.command.summary import run_summary
 from leastaction_marionette.command.tables import as_text, summary_tables
 from leastaction_marionette.markers import plot_markers
-from leastaction_marionette.scene import GROUPS, marionette_scene, own_string_lengths, string_label
+from leastaction_marionette.scene import by_parts, marionette_scene, own_string_lengths, string_label
 from leastaction_marionette.speeds import AtSpeed, plot_speeds
 from leastaction_marionette.tracking import TrackingRun, load_run
 from leastaction_marionette.tracking.problem import ROOT
+from leastaction_marionette.turns import as_vectors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -143,15 +144,9 @@ def _convergence(run: TrackingRun) -> Figure:
 
 
 def _tracking(run: TrackingRun) -> Figure:
-    names = run.mechanism.dynamic
-    return plot_tracking(
-        run.trajectory.t,
-        run.reference[:, : len(names)],
-        run.trajectory.q[:, : len(names)],
-        names,
-        lengths=ROOT,
-        groups=GROUPS,
-    )
+    m = run.mechanism
+    wanted, made = (as_vectors(m, q) for q in (run.reference, run.trajectory.q))
+    return plot_tracking(run.trajectory.t, wanted, made, m.dynamic, lengths=ROOT, groups=by_parts(m))
 
 
 def _size(count: float) -> str:

@@ -20,7 +20,7 @@ from leastaction.io import Motion
 from leastaction.models.marionette import Hanging, marionette
 from leastaction.numerics import remove_earlier
 from leastaction.optimal import IterationRecord, IterationTable, Status
-from leastaction_marionette.choices import Follow
+from leastaction_marionette.choices import Axes, Follow
 from leastaction_marionette.command.report import BESIDE, TRAJECTORY, at_rest, write_report
 from leastaction_marionette.command.summary import run_summary
 from leastaction_marionette.command.tables import checked, speed_table, summary_tables
@@ -53,6 +53,7 @@ class Request:
     strings: Hanging = 6
     follow: Follow = "joints"
     check: bool = False
+    axes: Axes = "zyx"
 
 
 def run(request: Request, optimiser: OptimiserOptions, output: OutputOptions, folder: Path, complain: Complain) -> int:
@@ -173,7 +174,7 @@ def _optimise(
             return table(record)
 
         return track(
-            marionette(strings=request.strings) if earlier is None else earlier.mechanism,
+            marionette(strings=request.strings, axes=request.axes) if earlier is None else earlier.mechanism,
             motion,
             limits=request.limits,
             follow=request.follow,

@@ -7,13 +7,14 @@ from typing import Any, Final
 
 import numpy as np
 
+from leastaction.mechanics import differences
 from leastaction.models.marionette import bars_of
 from leastaction.numerics import Array
 from leastaction.optimal import Status
 from leastaction.viz import TrackingErrors
 from leastaction_marionette.at_rest import RestingPoses
 from leastaction_marionette.markers import MARKERS
-from leastaction_marionette.scene import own_string_lengths
+from leastaction_marionette.scene import by_parts, own_string_lengths
 from leastaction_marionette.tracking import Effort, PuppetLimits, TrackingRun
 from leastaction_marionette.tracking.limits import pelvis_of
 
@@ -71,7 +72,7 @@ def run_summary(run: TrackingRun, rest: RestingPoses | None = None) -> dict[str,
         "versions": dict(run.provenance.versions),
         "cost": {"first": first, "last": float(cost[-1])},
         "follows": run.follow,
-        "tracking": _tracking(run.errors),
+        "tracking": _tracking(run.errors) | {"parts": by_parts(run.mechanism)},
         "markers": {} if run.markers is None else _markers(run, rest),
         "not_followed": far,
         "limits_reached": against,
@@ -88,7 +89,7 @@ def run_summary(run: TrackingRun, rest: RestingPoses | None = None) -> dict[str,
 def _not_followed(run: TrackingRun) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return the joints that are far from the reference, and the limits that hold the motion back, most first."""
     t, names = run.trajectory.t, run.mechanism.dynamic
-    apart = np.rad2deg(np.abs(run.reference[:, : len(names)] - run.trajectory.q[:, : len(names)]))
+    apart = np.rad2deg(np.abs(differences(run.mechanism, run.trajectory.q, run.reference)[:, : len(names)]))
     far: list[dict[str, Any]] = [
         {
             "joint": name,

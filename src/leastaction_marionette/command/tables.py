@@ -12,7 +12,7 @@ from rich.text import Text
 
 from leastaction.errors import LeastActionError
 from leastaction_marionette.on_a_rig import check
-from leastaction_marionette.scene import GROUPS, string_label
+from leastaction_marionette.scene import string_label
 from leastaction_marionette.speeds import AtSpeed
 from leastaction_marionette.tracking import TrackingRun
 
@@ -127,7 +127,7 @@ def _table(*columns: str, left: int = 1) -> Table:
 
 def _tracking_table(tracking: Mapping[str, Any]) -> RenderableType:
     table = _table("", "joint", "rms", "max", left=2)
-    for heading, names in GROUPS.items():
+    for heading, names in tracking["parts"].items():
         for i, name in enumerate(names):
             entry = tracking["variables"][name]
             show = "{:.2f}°".format if entry["unit"] == "deg" else _millimetres

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from leastaction.io import axis_rotation
 from leastaction.numerics import Array
@@ -40,6 +41,13 @@ def frame(x: Array, z: Array) -> Array:
 def rotation_zyx(angles: Array) -> Array:
     """Rotations (F, 3, 3) Rz Ry Rx of angles rz, ry, rx (F, 3) in radians."""
     return axis_rotation(2, angles[:, 0]) @ axis_rotation(1, angles[:, 1]) @ axis_rotation(0, angles[:, 2])
+
+
+def quaternions(rotation: Array) -> Array:
+    """Unit quaternions (F, 4) of rotations (F, 3, 3), scalar first, without jumps from one to the next."""
+    found = np.roll(Rotation.from_matrix(rotation).as_quat(), 1, axis=1)
+    found[1:] *= np.cumprod(np.sign(np.sum(found[1:] * found[:-1], axis=1)))[:, None]
+    return np.asarray(found)
 
 
 def euler_zyx(rotation: Array) -> Array:

@@ -12,11 +12,12 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.io import Capture, Motion, read_capture
 from leastaction.numerics import as_choice, as_number
-from leastaction_marionette.choices import Axis, Heading
+from leastaction_marionette.choices import Axes, Axis, Heading
 from leastaction_marionette.markers import with_markers
 from leastaction_marionette.retargeting.mapping import read_mapping
 from leastaction_marionette.retargeting.retarget import Retargeted, retarget
 from leastaction_marionette.retargeting.skeleton import Proportions
+from leastaction_marionette.turns import unit
 
 Start = Literal["rest", "moving"]
 
@@ -108,6 +109,7 @@ def load_motion(
     markers: bool = False,
     skeleton: str | PathLike[str] | None = None,
     frame_rate: float | None = None,
+    axes: Axes = "zyx",
 ) -> PuppetMotion:
     """Read a motion capture file and make it a reference motion of the puppet.
 
@@ -133,7 +135,7 @@ def load_motion(
         0.5: the motion takes twice as long.
     trim : (float, float), optional
         Part of the capture to use, from and to (s).
-    proportions, up, forward, heading, in_place
+    proportions, up, forward, heading, in_place, axes
         See `leastaction_marionette.retargeting.retarget.retarget`.
     markers : bool
         Whether the motion says, in further columns, where the person's head, hands and feet are: for ``track(...,
@@ -152,8 +154,9 @@ def load_motion(
     names = None if mapping is None else read_mapping(mapping)
     capture = read_capture(path, skeleton=skeleton, frame_rate=frame_rate)
     made = retarget(
-        capture, names=names, proportions=proportions, up=up, forward=forward, heading=heading, in_place=in_place
-    )
+        capture, names=names, proportions=proportions, up=up, forward=forward, heading=heading, in_place=in_place,
+        axes=axes,
+    )  # fmt: skip
     motion = with_markers(made.motion, made.markers) if markers else made.motion
     if trim is not None:
         motion = _trimmed(motion, trim)
@@ -167,6 +170,7 @@ def load_motion(
     if start == "rest":
         motion = motion.ease_in(ease)
     whole = motion.resample(dt, duration=duration)
+    whole = replace(whole, q=unit(whole.names, whole.q))
     return PuppetMotion(whole, made, speed, cutoff, capture.describe_gaps(), _lost(capture, made.joints.values()))
 
 

@@ -14,18 +14,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 
 from leastaction.errors import MotionFileError
 from leastaction.io import Capture, Motion, axis_rotation, forward_kinematics
-from leastaction.numerics import Array
-from leastaction_marionette.choices import Axis, Heading
+from leastaction.numerics import Array, as_choice
+from leastaction_marionette.choices import Axes, Axis, Heading
 from leastaction_marionette.retargeting.captured_markers import captured_markers
 from leastaction_marionette.retargeting.geometry import (
     angle_between,
     euler_zyx,
     frame,
+    quaternions,
     rotation_zyx,
     smooth_step,
     unit,
@@ -43,12 +45,12 @@ from leastaction_marionette.retargeting.mapping import JointNames, map_joints, m
 from leastaction_marionette.retargeting.skeleton import (
     BEND,
     CHAINS,
+    COORDINATES,
     LIMBS,
     VARIABLES,
     Limb,
     Proportions,
-    limb_variables,
-    puppet_points,
+    placed,
 )
 from leastaction_marionette.retargeting.spins import beside, without_spins
 
@@ -64,7 +66,7 @@ class Retargeted:
     Attributes
     ----------
     motion : Motion
-        The puppet's 22 variables at the capture's frames.
+        The puppet's 22 variables at the capture's frames, or 27 coordinates.
     joints : mapping of role to name
         Which joint of the capture played which role.
     up, forward : str
@@ -110,6 +112,7 @@ def retarget(
     forward: Axis | None = None,
     heading: Heading = "facing",
     in_place: bool = False,
+    axes: Axes = "zyx",
 ) -> Retargeted:
     """The puppet's variables for every frame of a capture.
 
@@ -128,6 +131,9 @@ def retarget(
         axis. "straight": as "facing", and the slow turns of a person who walks in a circle are taken out.
     in_place : bool
         Take the mean velocity over the ground out, for a walk on the spot about the origin.
+    axes : {"zyx", "quaternion"}
+        What the motion says of pelvis, hips and shoulders: three angles each, kept off where they would spin, or unit
+        quaternions, by which bones point exactly as the capture's do; as of `leastaction.models.marionette.marionette`.
 
     Returns
     -------
@@ -163,29 +169,42 @@ def retarget(
 
     scale = sizes.leg / leg_length(points)
     t = capture.frame_time * np.arange(capture.n_frames - first, dtype=np.float64)
-    q = np.empty((t.size, len(VARIABLES)))
+    as_choice(axes, "axes", get_args(Axes))
+    by_angles, columns = axes == "zyx", list[Array]()
     torso = _torso(points)
-    turns = beside(t, without_spins(t, euler_zyx(torso), _axes, np.swapaxes(torso[:, :, ::2], 1, 2)))
-    q[:, 3:6], torso = turns, rotation_zyx(turns)
-    pelvis, markers = scale * points["pelvis"], captured_markers(points, torso, sizes)
+    if by_angles:
+        turns = beside(t, without_spins(t, euler_zyx(torso), _axes, np.swapaxes(torso[:, :, ::2], 1, 2)))
+        torso, yaw = rotation_zyx(turns), turns[:, 0]
+    else:
+        turned = quaternions(torso)
+        yaw = 2.0 * np.unwrap(np.arctan2(turned[:, 3], turned[:, 0]), period=np.pi)
+    pelvis, markers, facing = scale * points["pelvis"], captured_markers(points, torso, sizes), torso
     if heading == "straight":
-        yaw = q[:, 3].copy()
-        q[:, 3], pelvis[:, :2] = straightened(t, q[:, 3], pelvis[:, :2])
-        back = axis_rotation(2, q[:, 3] - yaw)
+        straight, pelvis[:, :2] = straightened(t, yaw, pelvis[:, :2])
+        back = axis_rotation(2, straight - yaw)
+        facing = back @ torso
         markers = {name: np.einsum("fij,fj->fi", back, place) for name, place in markers.items()}
-    q[:, :3] = _root(pelvis, in_place=in_place)
+        yaw = straight
+    columns += [_root(pelvis, in_place=in_place)]
+    columns += [np.column_stack([yaw, turns[:, 1:]]) if by_angles else quaternions(facing)]
+    limbs = {}
     for side, limb in LIMBS:
-        columns = [VARIABLES.index(name) for name in limb_variables(side, limb)]
-        q[:, columns] = _limb(t, side, limb, points, frames, torso)
+        own, hinge, wanted = _limb(side, limb, points, frames, torso)
+        if by_angles:
+            angles = beside(t, without_spins(t, np.column_stack([euler_zyx(own), hinge]), _bone_directions, wanted))
+            own, hinge = rotation_zyx(angles[:, :3]), _bent(limb, angles[:, 3])
+            columns += [angles[:, :3], hinge[:, None]]
+        else:
+            columns += [quaternions(own), hinge[:, None]]
+        limbs[side, limb] = own, hinge
 
     directions = {bone: unit(points[b] - points[a]) for bone, (a, b) in _bones().items()}
-    turned = np.concatenate([np.zeros((t.size, 3)), turns, q[:, 6:]], axis=1)
-    made = puppet_points(turned, proportions=sizes)
+    made = placed(np.zeros((t.size, 3)), torso, limbs, sizes)
     errors = {
         bone: np.rad2deg(angle_between(unit(made[b] - made[a]), directions[bone])) for bone, (a, b) in _bones().items()
     }
     return Retargeted(
-        motion=Motion(VARIABLES, t, q, source=capture.path),
+        motion=Motion(VARIABLES if by_angles else COORDINATES, t, np.hstack(columns), source=capture.path),
         joints={role: capture.names[index] for role, index in found.items()},
         up=up,
         forward=forward,
@@ -283,9 +302,12 @@ def _bone_directions(angles: Array) -> Array:
 
 
 def _limb(
-    t: Array, side: str, limb: Limb, points: Mapping[str, Array], frames: Mapping[str, Array], torso: Array
-) -> Array:
-    """Angles rz, ry, rx and hinge (F, 4) of one limb."""
+    side: str, limb: Limb, points: Mapping[str, Array], frames: Mapping[str, Array], torso: Array
+) -> tuple[Array, Array, Array]:
+    """Rotations (F, 3, 3) of one limb's upper bone against the torso, angles (F,) of its hinge, and directions.
+
+    The directions (F, 2, 3) are those of its bones as the torso sees them.
+    """
     root, hinge, end = (f"{side}_{joint}" for joint in CHAINS[limb])
     a = unit(points[hinge] - points[root])
     b = unit(points[end] - points[hinge])
@@ -309,9 +331,10 @@ def _limb(
     upper = frame(x + (1.0 - trust)[:, None] * expected, -a)
     forth = np.sum(b * upper[:, :, 1], axis=1)
     down = -np.sum(b * upper[:, :, 2], axis=1)
-    angle = bend * np.maximum(bend * np.arctan2(forth, down), 0.0)
-    turns = euler_zyx(np.swapaxes(torso, 1, 2) @ upper)
     wanted = np.einsum("fji,fbj->fbi", torso, np.stack([a, b], axis=1))
-    angles = beside(t, without_spins(t, np.column_stack([turns, angle]), _bone_directions, wanted))
-    angles[:, 3] = bend * np.maximum(bend * angles[:, 3], 0.0)
-    return angles
+    return np.swapaxes(torso, 1, 2) @ upper, _bent(limb, np.arctan2(forth, down)), wanted
+
+
+def _bent(limb: Limb, angle: Array) -> Array:
+    """Angles of a hinge, none of them the wrong way."""
+    return np.asarray(BEND[limb] * np.maximum(BEND[limb] * angle, 0.0))

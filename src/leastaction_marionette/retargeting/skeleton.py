@@ -1,4 +1,4 @@
-"""The marionette's 22 joint variables, its proportions, and where its joints are in space.
+"""The marionette's 22 joint variables, also with quaternions, its proportions, and where its joints are in space.
 
 z is up, the puppet faces +y, its left is -x. In the zero pose it stands with its arms hanging.
 From the world, ``torso_tx, _ty, _tz, _rz, _ry, _rx`` place the pelvis; hips and shoulders turn by
@@ -8,6 +8,7 @@ with ``rx < 0`` (foot to the back), an elbow with ``rx > 0`` (forearm to the fro
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -28,6 +29,21 @@ VARIABLES: tuple[str, ...] = (
     *(f"{side}{name}" for side in "lr" for name in ("hip_rz", "hip_ry", "hip_rx", "knee_rx")),
     *(f"{side}{name}" for side in "lr" for name in ("shoulder_rz", "shoulder_ry", "shoulder_rx", "elbow_rx")),
 )
+
+_TURNING = ("torso", "lhip", "rhip", "lshoulder", "rshoulder")
+
+
+def _with_quaternions(names: tuple[str, ...]) -> Iterator[str]:
+    """Yield names of variables, with those of a quaternion where there are three angles of a joint."""
+    for name in names:
+        joint, _, axis = name.rpartition("_")
+        if joint not in _TURNING or axis.startswith("t"):
+            yield name
+        elif axis == "rz":
+            yield from (f"{joint}.q{letter}" for letter in "wxyz")
+
+
+COORDINATES: tuple[str, ...] = tuple(_with_quaternions(VARIABLES))
 
 Limb = Literal["leg", "arm"]
 LIMBS: tuple[tuple[str, Limb], ...] = (("left", "leg"), ("right", "leg"), ("left", "arm"), ("right", "arm"))
@@ -97,14 +113,26 @@ def puppet_points(q: Array, *, proportions: Proportions | None = None) -> dict[s
     sizes = proportions or Proportions()
     q = np.asarray(q, dtype=np.float64)
     column = {name: q[:, index] for index, name in enumerate(VARIABLES)}
-
-    pelvis = q[:, :3]
-    torso = rotation_zyx(q[:, 3:6])
-    points = {"pelvis": pelvis, "spine_top": pelvis + sizes.spine * torso[:, :, 2]}
+    limbs = {}
     for side, limb in LIMBS:
         *turns, hinge = limb_variables(side, limb)
-        upper = torso @ rotation_zyx(np.stack([column[name] for name in turns], axis=1))
-        lower = upper @ axis_rotation(0, column[hinge])
+        limbs[side, limb] = rotation_zyx(np.stack([column[name] for name in turns], axis=1)), column[hinge]
+    return placed(q[:, :3], rotation_zyx(q[:, 3:6]), limbs, sizes)
+
+
+def placed(
+    pelvis: Array, torso: Array, limbs: Mapping[tuple[str, Limb], tuple[Array, Array]], sizes: Proportions
+) -> dict[str, Array]:
+    """Return where the puppet's joints are, as `puppet_points` does.
+
+    ``pelvis`` (F, 3): its place, ``torso`` (F, 3, 3): how it is turned. ``limbs``: rotations (F, 3, 3) of the upper
+    bones against the torso, and angles (F,) of the hinges.
+    """
+    points = {"pelvis": pelvis, "spine_top": pelvis + sizes.spine * torso[:, :, 2]}
+    for side, limb in LIMBS:
+        own, hinge = limbs[side, limb]
+        upper = torso @ own
+        lower = upper @ axis_rotation(0, hinge)
         first, second = sizes.bones(limb)
         names = [f"{side}_{name}" for name in CHAINS[limb]]
         points[names[0]] = pelvis + torso @ np.array(sizes.attachment(side, limb))

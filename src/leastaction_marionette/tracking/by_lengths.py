@@ -36,28 +36,28 @@ def by_lengths(plan: TrackingPlan, result: OptimizationResult) -> OptimizationRe
         cost = problem.cost(plan.weights.tension).hessian(x, u)
         K = regulate(A, B, Q=cost.Q, R=cost.R, Q_final=cost.Q_final)
     except LeastActionError:  # where strings have lost their grip there is no regulator; the motion stands
-        K = np.zeros((N, system.nu, system.nx))
+        K = np.zeros((N, system.nu, system.ndx))
     done = system.rollout(x[0], x, u, K, 0, N)
     # Rods push where strings lose their grip: what has gone another way there is another motion.
     if done.complete and np.abs(done.x[:, :nq] - x[:, :nq]).max() < _SAME:
         x, u = done.x, done.u
-    return replace(result, x=x, u=u, K=K, projection_gain=K, memory=None)
+    return replace(result, x=x, u=u, K=K, projection_gain=K, state=None)
 
 
 def _said_by_lengths(plan: TrackingPlan, x: Array, u: Array) -> tuple[Array, Array]:
     """Return states and inputs by lengths of what is said by tensions."""
     m, whole = plan.mechanism, plan.problem.mechanism
-    N, nq, nd = len(u), whole.nq, whole.nd
+    N, nq, first = len(u), whole.nq, whole.first_rho
     q = np.zeros((N + 1, nq))
     q[:, plan.columns] = x[:, : m.nq]
     lengths = string_lengths(whole, q)
-    q[:, nd + plan.lengths] = lengths[:, plan.held]
+    q[:, first + plan.lengths] = lengths[:, plan.held]
     made = plan.problem.system.states_along(q, x[:, m.nq : m.nq + m.nd])
     share = np.full((N, 1), plan.dt)
     share[0] *= 0.5
     made[1:, whole.nx :] = share * u[:, : len(plan.strings)] / (2.0 * lengths[:-1])
     made[0, whole.nx :] = 2.0 * made[1, whole.nx :]
-    return made, q[1:, nd:]
+    return made, q[1:, first:]
 
 
 def _tied(plan: TrackingPlan, result: OptimizationResult) -> tuple[Array, Array]:
@@ -94,6 +94,6 @@ def by_tensions(
     """Return a motion on strings of prescribed lengths, and its result, as one of this system: the same motion."""
     m = plan.mechanism
     x = plan.system.states_along(trajectory.q[:, plan.columns], trajectory.p)
-    u = np.hstack([tension, x[1:, m.nd : m.nq]])
-    K = next(plan.regulators(x, u), np.zeros((plan.system.N, plan.system.nu, plan.system.nx)))
-    return replace(result, x=x, u=u, K=K, projection_gain=K, limits=None, memory=None)
+    u = np.hstack([tension, x[1:, m.first_rho : m.nq]])
+    K = next(plan.regulators(x, u), np.zeros((plan.system.N, plan.system.nu, plan.system.ndx)))
+    return replace(result, x=x, u=u, K=K, projection_gain=K, limits=None, state=None)

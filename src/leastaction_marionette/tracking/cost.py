@@ -6,7 +6,7 @@ import numpy as np
 
 from leastaction.numerics import Array
 from leastaction.optimal import QuadraticCost
-from leastaction.systems import CostOfAccelerations
+from leastaction.systems import CostOfAccelerations, MidpointSystem
 
 
 class TrackingCost(CostOfAccelerations):
@@ -19,13 +19,13 @@ class TrackingCost(CostOfAccelerations):
     ----------
     x_reference, u_reference, Q, R
         As in `QuadraticCost`; Q and R diagonal.
-    dt : float
-        Time step (s).
-    rho, v_rho, rho_next : slice
-        Where these are in the state and in the input.
+    system : MidpointSystem
+        What is steered; its steps of time are all as long.
     acceleration : float or array_like (nrho,)
         Weight of half the squared acceleration of each.
     """
+
+    can_be_eased = False  # a puppet whose strings move at no effort falls, and leads to no motion that pulls
 
     def __init__(
         self,
@@ -34,23 +34,20 @@ class TrackingCost(CostOfAccelerations):
         *,
         Q: Array,
         R: Array,
-        dt: float,
-        rho: slice,
-        v_rho: slice,
-        rho_next: slice,
+        system: MidpointSystem,
         acceleration: float | Array,
     ) -> None:
+        m, each = system.mechanism, np.arange(system.mechanism.nrho)
+        self.Q, self.R = Q, R
         super().__init__(
-            QuadraticCost(x_reference, u_reference, Q=Q, R=R),
-            dt=np.full(len(u_reference), dt),
-            nx=x_reference.shape[1],
-            nu=u_reference.shape[1],
-            weights=np.array(np.broadcast_to(acceleration, rho.stop - rho.start)),
-            rho=np.arange(rho.start, rho.stop),
-            v_rho=np.arange(v_rho.start, v_rho.stop),
-            rho_next=np.arange(rho_next.start, rho_next.stop),
+            QuadraticCost(x_reference, u_reference, Q=Q, R=R, space=system.space),
+            dt=np.diff(system.t),
+            nx=system.nx,
+            nu=system.nu,
+            weights=np.array(np.broadcast_to(acceleration, m.nrho)),
+            rho=m.first_rho + each,
+            v_rho=m.nq + m.nd + each,
+            rho_next=m.n_inputs + each,
+            ndx=system.ndx,
+            moves=np.stack([m.nd + each, m.nv + m.nd + each]),
         )
-
-    def eased(self, ease: float) -> None:  # noqa: ARG002
-        """Return None: a puppet whose strings move at no effort falls, and leads to no motion that pulls."""
-        return

@@ -18,6 +18,7 @@ from leastaction.models.marionette import (
     JOINT_LIMITS,
     STRING_SETS,
     Hanging,
+    axes_of,
     held_strings,
     marionette,
     set_of,
@@ -27,11 +28,13 @@ from leastaction.models.puppet_controls import ends_of
 from leastaction.numerics import Array
 from leastaction.optimal import OptimizationResult
 from leastaction.systems import MidpointSystem
-from leastaction_marionette.choices import Follow
+from leastaction_marionette.choices import Axes, Follow
 from leastaction_marionette.markers import MARKERS, wanted_markers, with_places
 from leastaction_marionette.tracking.found import Effort, FollowedParts, TrackingRun, TrackingSearch
 from leastaction_marionette.tracking.limits import KINDS, PuppetLimits
 from leastaction_marionette.tracking.motors import PRICES
+from leastaction_marionette.tracking.problem import body_columns
+from leastaction_marionette.turns import body_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +61,7 @@ class MarionetteRun:
     markers: Array | None = None
     effort: Effort | None = None
     limits: PuppetLimits | None = None
+    axes: Axes = "zyx"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +85,7 @@ class MarionetteSearch:
     firmness: float | None = None
     kinds: tuple[str, ...] = ()
     parts: FollowedParts | None = None
+    axes: Axes = "zyx"
 
 
 def save_run(path: str | os.PathLike[str], run: TrackingRun) -> Path:
@@ -120,6 +125,7 @@ def save_run(path: str | os.PathLike[str], run: TrackingRun) -> Path:
         markers=run.markers,
         effort=run.effort,
         limits=run.limits,
+        axes=axes_of(run.mechanism),
     )
     arrays = {name: getattr(trajectory, name) for name in ("q", "p", "lam")}
     return save_record(path, content, provenance=run.provenance, arrays={**arrays, "tension": run.tension})
@@ -134,17 +140,18 @@ def save_search(path: str | os.PathLike[str], search: TrackingSearch) -> Path:
         source=search.motion.source,
         numbers=_numbers(search.mechanism),
         t=search.motion.t,
-        body=search.motion.columns(search.mechanism.dynamic),
+        body=body_columns(search.mechanism, search.motion),
         stage=search.stage,
         result=search.result,
         strings=search.mechanism.nc,
         control=_control(search.mechanism),
         follow=search.follow,
-        markers=wanted_markers(search.mechanism, search.motion),
+        markers=wanted_markers(search.motion),
         effort=search.effort,
         firmness=search.firmness,
         kinds=tuple(sorted(search.kinds)),
         parts=search.parts,
+        axes=axes_of(search.mechanism),
     )
     return save_record(path, content, provenance=search.provenance)
 
@@ -184,7 +191,7 @@ def load_unfinished(path: str | os.PathLike[str]) -> TrackingRun | TrackingSearc
 
 def _numbers(mechanism: Mechanism) -> dict[str, float]:
     """Return the parameters of a mechanism that are not those of `marionette`."""
-    standard = _mechanism(mechanism.nc, {}, _control(mechanism)).parameters
+    standard = _mechanism(mechanism.nc, {}, _control(mechanism), axes_of(mechanism)).parameters
     return {name: value for name, value in mechanism.parameters.items() if standard.get(name) != value}
 
 
@@ -194,13 +201,13 @@ def _control(mechanism: Mechanism) -> str:
     return hanging if isinstance(hanging, str) else ""
 
 
-def _mechanism(strings: int, numbers: Mapping[str, float], control: str = "") -> Mechanism:
+def _mechanism(strings: int, numbers: Mapping[str, float], control: str, axes: Axes) -> Mechanism:
     known: tuple[Hanging, ...] = tuple(CONTROLS) if control else tuple(STRING_SETS)
     hanging = next((each for each in known if each == (control or strings)), None)
     if hanging is None:
         what = f"a control called {control!r}" if control else f"{strings} strings"
         raise ResultFileError(f"a marionette on {what} is none")
-    mechanism = marionette(strings=hanging)
+    mechanism = marionette(strings=hanging, axes=axes)
     return mechanism.with_parameters(numbers) if numbers else mechanism
 
 
@@ -213,7 +220,7 @@ def _check(arrays: Mapping[str, tuple[Array, tuple[int, ...]]]) -> None:
 def _run_of(path: str | os.PathLike[str], saved: MarionetteRun, provenance: Provenance) -> TrackingRun:
     check_result(saved.result, str(path))
     try:
-        mechanism = _mechanism(saved.strings, saved.numbers, saved.control)
+        mechanism = _mechanism(saved.strings, saved.numbers, saved.control, saved.axes)
         system = MidpointSystem(MidpointVI(mechanism), saved.t, multipliers=True)
         _check(
             {
@@ -270,12 +277,13 @@ def _kinds_of(saved: MarionetteRun, mechanism: Mechanism) -> frozenset[str]:
 def _search_of(path: str | os.PathLike[str], saved: MarionetteSearch, provenance: Provenance) -> TrackingSearch:
     check_result(saved.result, str(path))
     try:
-        mechanism = _mechanism(saved.strings, saved.numbers, saved.control)
+        mechanism = _mechanism(saved.strings, saved.numbers, saved.control, saved.axes)
         # By tensions: no lengths among the variables. Inputs are tensions, motors, and places of the upper ends.
         N, strings = len(saved.t) - 1, mechanism.nc
         moved = mechanism.nrho - len(held_strings(mechanism))
         tying, parts = saved.firmness is not None, saved.parts
-        nx, inputs = 2 * (mechanism.nd + moved), strings + moved + (0 if tying or parts is not None else mechanism.nd)
+        first, nd = mechanism.first_rho, mechanism.nd
+        nx, inputs = first + nd + 2 * moved, strings + moved + (0 if tying or parts is not None else nd)
         if parts is not None:
             done = len(parts.u)
             if not 0 < done <= N or saved.stage != 0 or tying:
@@ -290,13 +298,13 @@ def _search_of(path: str | os.PathLike[str], saved: MarionetteSearch, provenance
             raise ResultFileError(f"a search with {steps} steps for a motion of {N} is none")
         _check(
             {
-                "body": (saved.body, (N + 1, mechanism.nd)),
+                "body": (saved.body, (N + 1, first)),
                 "result.x": (saved.result.x, (steps + 1, nx)),
                 "result.u": (saved.result.u, (steps, inputs)),
             }
         )
         _check_markers(saved, N)
-        motion = Motion(mechanism.dynamic, saved.t, saved.body, saved.source)
+        motion = Motion(body_of(mechanism), saved.t, saved.body, saved.source)
         if saved.markers is not None:
             motion = with_places(motion, saved.markers)
         return TrackingSearch(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError
 from leastaction.io import Motion, Provenance
-from leastaction.mechanics import Mechanism, Trajectory
+from leastaction.mechanics import Mechanism, Trajectory, differences
 from leastaction.numerics import Array
 from leastaction.optimal import OptimizationResult, Status
 from leastaction.viz import TrackingErrors, tracking_errors
@@ -18,6 +18,7 @@ from leastaction_marionette.choices import Follow
 from leastaction_marionette.markers import places_of, with_places
 from leastaction_marionette.tracking.limits import PuppetLimits
 from leastaction_marionette.tracking.problem import ROOT, unheld
+from leastaction_marionette.turns import body_of
 
 CUT_SHORT: Final = (Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK)
 """How a run ends that somebody ended."""
@@ -115,7 +116,7 @@ class TrackingRun:
     @property
     def motion(self) -> Motion:
         """The reference motion of the body, with its markers if they are known."""
-        names = self.mechanism.dynamic
+        names = body_of(self.mechanism)
         body = Motion(names, self.trajectory.t, self.reference[:, : len(names)], self.source)
         return body if self.markers is None else with_places(body, self.markers)
 
@@ -134,8 +135,8 @@ class TrackingRun:
 
     def errors_of(self, q: Array) -> TrackingErrors:
         """Return how far each variable of the body is from the reference in configurations q (N+1, nq)."""
-        nd = self.mechanism.nd
-        return tracking_errors(self.reference[:, :nd], q[:, :nd], self.mechanism.dynamic, lengths=ROOT)
+        apart = differences(self.mechanism, q, self.reference)[:, : self.mechanism.nd]
+        return tracking_errors(np.zeros_like(apart), apart, self.mechanism.dynamic, lengths=ROOT)
 
     @property
     def held_error(self) -> float:
@@ -177,7 +178,7 @@ def held_error(mechanism: Mechanism, reference: Array, q: Array) -> float:
     """
     free = (*ROOT, *unheld(mechanism))
     held = [i for i, name in enumerate(mechanism.dynamic) if name not in free]
-    return float(np.rad2deg(np.sqrt(np.mean((reference - q)[:, held] ** 2))))
+    return float(np.rad2deg(np.sqrt(np.mean(differences(mechanism, q, reference)[:, held] ** 2))))
 
 
 @dataclass(frozen=True, kw_only=True)

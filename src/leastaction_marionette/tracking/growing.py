@@ -11,8 +11,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-import numpy as np
-
 from leastaction.errors import ArgumentError
 from leastaction.io import Motion
 from leastaction.optimal import OptimizationResult, StageRecord, StartResult, StartStatus, continuation
@@ -20,6 +18,7 @@ from leastaction_marionette.tracking.limits import KINDS
 from leastaction_marionette.tracking.plan import TrackingPlan
 from leastaction_marionette.tracking.poses import at_rest
 from leastaction_marionette.tracking.stage import optimize
+from leastaction_marionette.turns import on_the_way
 
 SIZES: Final = (0.2, 0.4, 0.6, 0.8, 1.0)
 """Parts of the way from the first pose to the wanted ones."""
@@ -68,5 +67,4 @@ def smaller(plan: TrackingPlan, motion: Motion, size: float) -> TrackingPlan:
 
     ``plan``: that of the motion.
     """
-    first = motion.q[:1]
-    return plan.following(replace(motion, q=np.asarray(first + size * (motion.q - first))))
+    return plan.following(replace(motion, q=on_the_way(motion.names, motion.q[0], motion.q, size)))

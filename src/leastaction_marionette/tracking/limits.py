@@ -11,7 +11,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import Mechanism
-from leastaction.models.marionette import JOINT_LIMITS, strings_of
+from leastaction.models.marionette import JOINT_LIMITS, heading, strings_of
 from leastaction.models.puppet_controls import ends_of
 from leastaction.numerics import Array, restore_state, saved_state
 from leastaction.optimal import Bound, Limit
@@ -90,7 +90,7 @@ class PuppetLimits:
         skip = 1 if mechanism.constraints else 0  # by tensions the start is free, and limits hold there too
         by_kind: dict[str, list[Limit]] = {
             "tension": [self._of_tensions(mechanism, len(pelvis) - 1)],
-            "joints": [Bound(name, least, most, of="variable") for name, (least, most) in self.joints.items()],
+            "joints": [Bound(name, *angles, of="variable") for name, angles in self.joints_of(mechanism).items()],
             # A rate over a step is part of the next state.
             "speed": [
                 Bound([f"v_{name}" for name in names], -most, most, of="state")
@@ -134,6 +134,10 @@ class PuppetLimits:
         most[0] *= 0.5
         return Bound(names, self.tension, most, of="tension")
 
+    def joints_of(self, mechanism: Mechanism) -> dict[str, tuple[float, float]]:
+        """Return the least and largest angles of those joints that a mechanism has: ball joints need none."""
+        return {name: angles for name, angles in self.joints.items() if name in mechanism.coordinates}
+
     def keep(self, tension: Array, share: float = 0.0) -> bool:
         """Return whether tensions (N) keep to their limits, but for a share of these."""
         least, most = (1.0 - share) * self.tension, (1.0 + share) * self.strength
@@ -156,19 +160,19 @@ class PuppetLimits:
         """Return which kinds of limits a motion x (N+1, nx) does not keep to, besides that of the tensions."""
         m, ends = mechanism, ends_of(mechanism)
         found = set()
-        for name, (least, most) in self.joints.items():
-            angle = x[1:, m.variables.index(name)]
+        for name, (least, most) in self.joints_of(m).items():
+            angle = x[1:, m.coordinates.index(name)]
             if angle.min() < least - _TOLERANCE or angle.max() > most + _TOLERANCE:
                 found.add("joints")
         dt = float(t[1] - t[0])
 
         def away(names: tuple[str, ...], wanted: Array | float, reach: float) -> None:
-            place = x[:, [m.variables.index(name) for name in names]]
+            place = x[:, [m.coordinates.index(name) for name in names]]
             if np.abs(place - wanted)[1:].max(initial=0.0) > reach + _TOLERANCE:
                 found.add("reach")
 
         def fast(names: tuple[str, ...], most_speed: float, most: float) -> None:
-            place = x[:, [m.variables.index(name) for name in names]]
+            place = x[:, [m.coordinates.index(name) for name in names]]
             speed = np.diff(place, axis=0, prepend=place[:1]) / dt
             if np.abs(speed).max(initial=0.0) > most_speed * (1.0 + _TOLERANCE):
                 found.add("speed")
@@ -187,5 +191,5 @@ class PuppetLimits:
 
 def pelvis_of(mechanism: Mechanism, reference: Array) -> Array:
     """Return where a reference (N+1, nq) wants the pelvis over the ground (m), and how it faces (rad): (N+1, 3)."""
-    names = mechanism.variables
-    return reference[:, [names.index(name) for name in ("torso_tx", "torso_ty", "torso_rz")]]
+    place = reference[:, [mechanism.coordinates.index(name) for name in ("torso_tx", "torso_ty")]]
+    return np.column_stack([place, heading(mechanism, reference)])

@@ -23,6 +23,7 @@ from leastaction_marionette.tracking.limits import FIRST_KINDS
 from leastaction_marionette.tracking.plan import TrackingPlan
 from leastaction_marionette.tracking.poses import at_rest, hanging
 from leastaction_marionette.tracking.stage import optimize
+from leastaction_marionette.turns import on_the_way, unit
 
 # Prices of a motor's square on the way to the motion without motors, and the iterations at each.
 PRICES = (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1e3, 1e4)
@@ -123,7 +124,8 @@ def _begun(plan: TrackingPlan, solve: Callable[..., OptimizationResult]) -> Opti
     q = plan.x_reference[:, : plan.mechanism.nq]
     tensions = np.clip(plan.u_reference[:, : len(plan.strings)], least, most)
     for cutoff in _CUTOFFS:
-        smooth = Motion(plan.mechanism.variables, plan.t, q).low_pass(cutoff).q
+        names = plan.mechanism.coordinates
+        smooth = unit(names, Motion(names, plan.t, q).low_pass(cutoff).q)
         with suppress(ProjectionError):
             return solve(initial=driven(plan, smooth, tensions))
     try:
@@ -185,23 +187,25 @@ def _within(plan: TrackingPlan, result: OptimizationResult, stated: frozenset[st
 def driven(plan: TrackingPlan, q: Array, tensions: Array) -> tuple[Array, Array]:
     """Return a motion q (N+1, nq) from rest with the motors that make it: behind the tensions among the inputs.
 
-    Of a motion q, each step of the midpoint rule says what acts in its middle, given what acted in the last one and
-    what pulls at its start: ``p_k + s dt f_pull = -D_1 L_d - dt/2 f``, ``p_k+1 = D_2 L_d + dt/2 f``. What begins
-    fast is picked up within a few steps.
+    Of two configurations each step of the midpoint rule says with which momenta it begins and ends; both are linear in
+    what the motors give. What begins fast is picked up within a few steps.
     """
-    m, strings, dt = plan.mechanism, len(plan.strings), plan.dt
-    q = q[0] + smooth_rise(np.arange(len(plan.t)) / _SET_OUT)[:, None] * (q - q[0])
-    none, still = np.zeros(strings), np.zeros(m.nq)
+    m, dt, core = plan.mechanism, plan.dt, plan.by_motors.integrator.core
+    q = np.ascontiguousarray(
+        on_the_way(m.coordinates, q[0], q, smooth_rise(np.arange(len(plan.t)) / _SET_OUT)[:, None])
+    )
     motors, states = np.empty((len(tensions), m.nd)), plan.states(q)
     p = plan.x_reference[0, m.nq : m.nq + m.nd]
     for k, pull in enumerate(tensions):
         states[k, m.nq : m.nq + m.nd] = p
-        middle, rate = 0.5 * (q[k + 1] + q[k]), (q[k + 1] - q[k]) / dt
-        by_q, by_v = (each[: m.nd] for each in m.core.gradient(middle, rate)[:2])
-        force = by_q + m.core.force(middle, rate, none)[: m.nd]
-        kick = m.core.force(q[k], still, pull)[: m.nd] - m.core.force(q[k], still, none)[: m.nd]
-        p = p + (0.5 if k == 0 else 1.0) * dt * kick
-        motors[k] = 2.0 / dt * (by_v - p) - force
-        p = by_v + 0.5 * dt * (force + motors[k])
+
+        def ends(forces: Array, k: int = k, pull: Array = pull) -> Array:
+            both = core.momenta(q[k], q[k + 1], np.concatenate([pull, forces]), dt, (0.5 if k == 0 else 1.0) * dt)
+            return np.stack(both)[:, : m.nd]
+
+        free = ends(np.zeros(m.nd))
+        by_start, by_end = np.stack([ends(one) - free for one in np.eye(m.nd)], axis=2)
+        motors[k] = np.linalg.solve(by_start, p - free[0])
+        p = free[1] + by_end @ motors[k]
     states[-1, m.nq : m.nq + m.nd] = p
-    return states, np.hstack([tensions, motors, q[1:, m.nd :]])
+    return states, np.hstack([tensions, motors, q[1:, m.first_rho :]])

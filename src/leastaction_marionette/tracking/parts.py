@@ -27,6 +27,7 @@ from leastaction_marionette.tracking.found import CUT_SHORT, Effort, FollowedPar
 from leastaction_marionette.tracking.problem import TrackingProblem
 from leastaction_marionette.tracking.tracker import Curve, Tracker
 from leastaction_marionette.tracking.weights import GENTLE
+from leastaction_marionette.turns import unit
 
 LONG: Final = 30.0
 """Seconds from which on a motion is followed part by part."""
@@ -81,6 +82,8 @@ def found_in_parts(tracker: Tracker, follow: Follow, begun: TrackingSearch | Non
             kinds=tracker.kinds | part.kinds,
         )
         found = (result.x, result.u) if found is None else joined(found, (result.x, result.u), start)
+        assert part.plan is not None
+        found = unit(part.plan.mechanism.coordinates, found[0]), found[1]
         _keep(tracker, result, found)
     return tracker, found
 

@@ -19,8 +19,9 @@ from scipy.optimize import lsq_linear
 
 from leastaction.errors import ArgumentError, LeastActionError, StepError
 from leastaction.io import Motion
-from leastaction.mechanics import JointForce, MidpointVI, to_momentum
+from leastaction.mechanics import JointForce, MidpointVI, rates_along, to_momentum
 from leastaction.models.marionette import (
+    axes_of,
     held_strings,
     marionette,
     set_of,
@@ -36,6 +37,7 @@ from leastaction_marionette.tracking.limits import FIRST_KINDS, PuppetLimits
 from leastaction_marionette.tracking.problem import TrackingProblem, levers, unheld
 from leastaction_marionette.tracking.ties import Ties
 from leastaction_marionette.tracking.weights import TrackingWeights
+from leastaction_marionette.turns import unit
 
 _OFF = 0.02  # of the mean tension at rest, by which tensions keep off their least
 _ROUNDING = 1e-9  # of limits of tensions
@@ -53,14 +55,14 @@ class TrackingPlan:
         whole = problem.mechanism
         self.problem, self.weights = problem, weights
         self.strings = strings_of(whole)
-        by_tension = marionette(strings=set_of(whole), by="tension")
+        by_tension = marionette(strings=set_of(whole), by="tension", axes=axes_of(whole))
         own = by_tension.parameters
         numbers = {name: value for name, value in whole.parameters.items() if name in own}
         self.mechanism = by_tension.with_parameters(numbers)
         m, t = self.mechanism, problem.t
         self.t, self.dt = t, problem.dt
         self.system = PulledSystem(MidpointVI(m, threads=problem.threads), t, at_instants=m.inputs)
-        self.columns = np.array([whole.variables.index(name) for name in m.variables])
+        self.columns = np.array([whole.coordinates.index(name) for name in m.coordinates])
         self._ends = np.array([whole.kinematic.index(name) for name in m.kinematic])
         held = held_strings(whole)
         self.held = np.array([self.strings.index(s) for s in held], dtype=int)
@@ -71,9 +73,9 @@ class TrackingPlan:
         self.x_reference = self.states(q)
         # The motion begins at rest, not with the slope of its first step.
         self.x_reference[0, m.nq : m.nq + m.nd] = problem.x_reference[0, whole.nq : whole.nq + whole.nd]
-        self.u_reference = np.hstack([np.tile(self.tension, (len(t) - 1, 1)), q[1:, m.nd :]])
+        self.u_reference = np.hstack([np.tile(self.tension, (len(t) - 1, 1)), q[1:, m.first_rho :]])
         self.limits = limits
-        self.free_start = m.variables
+        self.free_start = m.coordinates
 
     def following(self, motion: Motion) -> TrackingPlan:
         """Return the plan of another motion of the same puppet."""
@@ -114,6 +116,7 @@ class TrackingPlan:
     def tracking_cost(self, *, motor: float | None = None) -> TrackingCost:
         """Return the part of the cost that is quadratic in states and inputs."""
         m, w, strings = self.mechanism, self.weights, len(self.strings)
+        system = self.system if motor is None else self.by_motors
         inertia = np.diag(m.mass_matrix(self.x_reference[0, : m.nq]))[: m.nd]
         free = unheld(self.problem.mechanism)
         rate = w.rate * np.array([w.unheld if n in free else 1.0 for n in m.dynamic]) / inertia**2
@@ -125,10 +128,7 @@ class TrackingPlan:
             np.hstack([u[:, :strings], np.zeros((len(u), motors)), u[:, strings:]]),
             Q=np.concatenate([self.problem.body_weights(w), squares * w.string, rate, np.zeros(m.nrho)]),
             R=np.concatenate([np.full(strings, w.tension), price, squares * (0.01 * w.string)]),
-            dt=self.dt,
-            rho=slice(m.nd, m.nq),
-            v_rho=slice(m.nq + m.nd, m.nx),
-            rho_next=slice(strings + motors, strings + motors + m.nrho),
+            system=system,
             acceleration=squares * w.string_acceleration,
         )
 
@@ -148,16 +148,17 @@ class TrackingPlan:
 
     def states(self, q: Array) -> Array:
         """Return the states (N+1, nx) of a motion q (N+1, nq), whose momenta are those of its slope."""
-        return self.system.states_along(q, to_momentum(self.mechanism, q, np.gradient(q, self.t, axis=0)))
+        return self.system.states_along(q, to_momentum(self.mechanism, q, rates_along(self.mechanism, q, self.t)))
 
     def finer(self, coarse: TrackingPlan, x: Array, u: Array) -> tuple[Array, Array]:
         """Return a trajectory of a plan with longer steps between its instants, as a curve to start from."""
         m, strings = self.mechanism, len(self.strings)
         # The motion begins at rest.
         fine = CubicSpline(coarse.t, x, axis=0, bc_type=((1, np.zeros(x.shape[1])), "not-a-knot"))(self.t)
-        fine[1:, m.nq + m.nd :] = np.diff(fine[:, m.nd : m.nq], axis=0) / self.dt
+        fine = unit(m.coordinates, fine)
+        fine[1:, m.nq + m.nd :] = np.diff(fine[:, m.first_rho : m.nq], axis=0) / self.dt
         pulls = [np.interp(self.t[:-1], coarse.t[:-1], column) for column in u.T[:strings]]
-        return fine, np.hstack([np.stack(pulls, axis=1), fine[1:, m.nd : m.nq]])
+        return fine, np.hstack([np.stack(pulls, axis=1), fine[1:, m.first_rho : m.nq]])
 
     def inside(self, x: Array, u: Array, cost: float) -> tuple[Array, Array]:
         """Return a motion near a curve whose tensions keep off their limits; the curve where that costs much more."""
@@ -205,7 +206,7 @@ class TrackingPlan:
         least, most = self.tensions_inside(off)
         x, u = np.array(xbar), np.array(ubar)
         for k in range(self.system.N):
-            u[k] = ubar[k] - K[k] @ (x[k] - xbar[k])
+            u[k] = ubar[k] - K[k] @ self.system.difference(x[k], xbar[k])
             u[k, :strings] = np.clip(u[k, :strings], least, most)
             try:
                 x[k + 1] = self.system.f(x[k], u[k], k)
@@ -221,14 +222,14 @@ class TrackingPlan:
 
     def hung(self) -> tuple[Array, Array]:
         """Return what the puppet does where its strings are held, up to a step that fails."""
-        return self.clipped(*self.hanging(), np.zeros((self.system.N, self.system.nu, self.system.nx)))
+        return self.clipped(*self.hanging(), np.zeros((self.system.N, self.system.nu, self.system.ndx)))
 
     def hanging(self) -> tuple[Array, Array]:
         """Return states and inputs of a puppet that hangs from where the motion begins."""
         return (
             np.tile(self.x_reference[0], (len(self.t), 1)),
             np.tile(
-                np.concatenate([self.tension, self.x_reference[0, self.mechanism.nd : self.mechanism.nq]]),
+                np.concatenate([self.tension, self.x_reference[0, self.mechanism.first_rho : self.mechanism.nq]]),
                 (self.system.N, 1),
             ),
         )
@@ -237,7 +238,7 @@ class TrackingPlan:
         """Return the tensions with which the strings carry the puppet as well as they can where the motion starts."""
         whole = self.problem.mechanism
         q = self.problem.reference[0]
-        weight = -whole.core.gradient(q, np.zeros(whole.nq))[0][: whole.nd]
+        weight = -whole.core.gradient(q, np.zeros(whole.nv))[0][: whole.nd]
         if not len(self.strings) * limits.strength > (heavy := float(weight[whole.variables.index("torso_tz")])):
             raise ArgumentError(
                 f"limits: strength is {limits.strength:g} N, and {len(self.strings)} strings of that do not carry the "

@@ -17,12 +17,14 @@ import numpy as np
 from scipy.optimize import minimize
 
 from leastaction.errors import ArgumentError
-from leastaction.models.marionette import REST, hang_strings
+from leastaction.mechanics import differences, moved, turned
+from leastaction.models.marionette import REST, axes_of, hang_strings, heading, turns_of_angles
 from leastaction.models.puppet_controls import ends_of
 from leastaction.numerics import Array
 from leastaction.optimal import OptimizationResult, Status
 from leastaction_marionette.markers import LIMB_MARKERS
 from leastaction_marionette.tracking.plan import TrackingPlan
+from leastaction_marionette.turns import body_of, on_the_way, unit
 
 _FIRM = 0.1  # N, by which strings that hold still pull more than they have to
 _BALANCED = 1e-4  # N or N m, to which forces balance
@@ -46,18 +48,17 @@ class PoseSearch:
         self.plan, self.mechanism, self.more = plan, plan.mechanism, more
         self.ties = plan.ties if tied else None
         cost, strings = plan.tracking_cost(), len(plan.strings)
-        Q, R, _, _ = cost.cost.hessian(plan.x_reference, plan.u_reference)
-        self.scale = np.sqrt(np.concatenate([Q[: self.mechanism.nq], R[:strings]]))
-        self.still = np.zeros(self.mechanism.nq)
-        places = plan.problem.mechanism.variables
-        self.columns = [places.index(name) for name in self.mechanism.variables]
+        self.scale = np.sqrt(np.concatenate([cost.Q[: self.mechanism.nv], cost.R[:strings]]))
+        self.still = np.zeros(self.mechanism.nv)
+        places = plan.problem.mechanism.coordinates
+        self.columns = [places.index(name) for name in self.mechanism.coordinates]
 
     def wanted(self, k: int | None) -> Array:
         """Return the pose that is wanted at an instant, with the tensions that carry the puppet at the start.
 
         ``k``: None for the mean of all instants, to which one pose for all of them is to be near.
         """
-        return np.concatenate([_of(self.plan.x_reference, k)[: self.mechanism.nq], self.plan.tension])
+        return np.concatenate([self._of(self.plan.x_reference, k)[: self.mechanism.nq], self.plan.tension])
 
     def toward_rest(self, k: int | None, share: float) -> Array:
         """Return a pose between the wanted one of an instant and the puppet's at rest, upright under its strings.
@@ -66,10 +67,11 @@ class PoseSearch:
         there a search often finds the pose that strings hold where it gets lost from the wanted one.
         """
         whole = self.plan.problem.mechanism
-        q = _of(self.plan.problem.reference, k)
-        for i, name in enumerate(whole.dynamic):
-            if name not in _UPRIGHT:
-                q[i] += share * (REST.get(name, 0.0) - q[i])
+        q = self._of(self.plan.problem.reference, k)
+        place = dict(zip(whole.coordinates[:3], q[:3], strict=True))
+        rest = REST | place | {"torso_rz": float(heading(whole, q))}
+        body = whole.configuration(rest if axes_of(whole) == "zyx" else turns_of_angles(rest))[: whole.first_rho]
+        q[: whole.first_rho] = on_the_way(body_of(whole), q[: whole.first_rho], body[None], share)[0]
         return np.concatenate([hang_strings(whole, q)[self.columns], self.plan.tension])
 
     def best(self, k: int | None, starts: Iterable[Array]) -> tuple[float, Array]:
@@ -91,34 +93,44 @@ class PoseSearch:
         return np.asarray(net if ties is None else np.concatenate([net, ties.off(q[None, :])[0]]))
 
     def net_derivative(self, pose: Array) -> Array:
-        """Return their derivative (nd, nq + strings)."""
+        """Return their derivative (nd, nv + strings) by moves of the pose, and by tensions."""
         m, (q, pull) = self.mechanism, np.split(pose, [self.mechanism.nq])
         by_q, _, by_pull = m.core.force_jacobians(q, self.still, pull)
-        slopes = np.hstack([m.core.hessian(q, self.still)[0][: m.nd] + by_q[: m.nd], by_pull[: m.nd]])
+        bent = m.core.hessian(q, self.still)[0] + by_q
+        for rotation in m.tree.rotations:
+            # The core has them for turns about x, y and z one after the other; these are for turns in the body's axes.
+            at = slice(first := m.variables.index(rotation.variables[0]), first + 3)
+            bent[at, at] += np.triu(np.cross(self.net(pose)[at], np.eye(3)).T)
+        slopes = np.hstack([bent[: m.nd], by_pull[: m.nd]])
         ties = self.ties
         if ties is None:
             return slopes
         return np.vstack([slopes, np.pad(ties.slopes(q), ((0, 0), (0, len(pull))))])
 
+    def _of(self, values: Array, k: int | None) -> Array:
+        """Return a copy of the values (N+1, ...) of an instant; their mean if None is given."""
+        return np.array(values[k] if k is not None else unit(self.mechanism.coordinates, values.mean(axis=0)))
+
     def markers_off(self, pose: Array, k: int | None) -> tuple[float, Array]:
-        """Return what it costs that markers are not where instant k wants them, and its slope (nq + strings,)."""
-        value, slope, problem = 0.0, np.zeros(len(pose)), self.plan.problem
+        """Return what it costs that markers are not where instant k wants them, and its slope (nv + strings,)."""
+        value, slope, problem = 0.0, np.zeros(len(self.scale)), self.plan.problem
         if problem.follow == "joints" or problem.markers is None:
             return value, slope
         q = np.ascontiguousarray(pose[: self.mechanism.nq])
-        markers = _of(problem.markers, k)
+        markers = self._of(problem.markers, k)
         for i, frame in enumerate(LIMB_MARKERS.values(), start=1):
             apart = self.mechanism.frame_pose(q, frame)[:3, 3] - markers[i]
             value += 0.5 * self.plan.weights.marker * float(apart @ apart)
-            slope[: len(q)] += self.plan.weights.marker * apart @ self.mechanism.frame_jacobian(q, frame)[:3]
+            slope[: self.mechanism.nv] += self.plan.weights.marker * apart @ self.mechanism.frame_jacobian(q, frame)[:3]
         return value, slope
 
     def nearest(self, k: int | None, start: Array) -> tuple[float, Array]:
         """Return what a pose at rest costs at instant k, and the pose; infinity where none was found from a start."""
         wanted = self.wanted(k)
         m, limits, scale = self.mechanism, self.plan.limits, self.scale
-        least, most = np.full(len(wanted), -np.inf), np.full(len(wanted), np.inf)
-        least[m.nq :], most[m.nq :] = limits.tension + self.more, limits.strength
+        goal = wanted[: m.nq]
+        least, most = np.full(len(scale), -np.inf), np.full(len(scale), np.inf)
+        least[m.nv :], most[m.nv :] = limits.tension + self.more, limits.strength
         ends = ends_of(m)
         for names, reach in (
             ((*ends.x, *ends.y), limits.reach),
@@ -127,40 +139,48 @@ class PoseSearch:
             (ends.tilts, limits.tilt),
         ):
             at = [m.variables.index(name) for name in names]
-            least[at], most[at] = wanted[at] - reach, wanted[at] + reach
-        for name, bounds in limits.joints.items():
-            i = m.variables.index(name)
-            least[i], most[i] = bounds
-        goal = wanted * scale
+            least[at], most[at] = -reach, reach
+        for name, bounds in limits.joints_of(m).items():
+            least[m.variables.index(name)], most[m.variables.index(name)] = np.subtract(
+                bounds, goal[m.coordinates.index(name)]
+            )
+        meant = np.concatenate([np.zeros(m.nv), wanted[m.nq :]]) * scale
+        turning = np.eye(len(scale))
+
+        def pose_of(z: Array) -> Array:
+            """Return the pose that is so far from the wanted one, in parts of the scale; its tensions are whole."""
+            return np.concatenate([moved(m, goal[None], z[None, : m.nv] / scale[: m.nv])[0], z[m.nv :] / scale[m.nv :]])
+
+        def by_z(z: Array, slopes: Array) -> Array:
+            """Return derivatives by z of those by moves of the pose."""
+            turning[: m.nv, : m.nv] = turned(m, z[: m.nv] / scale[: m.nv])
+            return slopes @ turning / scale
 
         def cost(z: Array) -> tuple[float, Array]:
-            value, slope = self.markers_off(z / scale, k)
-            return value + 0.5 * float(np.sum((z - goal) ** 2)), slope / scale + z - goal
+            value, slope = self.markers_off(pose_of(z), k)
+            return value + 0.5 * float(np.sum((z - meant) ** 2)), by_z(z, slope) + z - meant
 
+        apart = differences(m, start[None, : m.nq], goal[None])[0]
+        from_wanted = np.concatenate([apart, start[m.nq :]])
         with warnings.catch_warnings():
             # Older versions of SciPy tell of a step past a bound by rounding, which they take back.
             warnings.filterwarnings("ignore", "Values in x were outside bounds", RuntimeWarning)
             done = minimize(
                 cost,
-                np.clip(start, least, most) * scale,
+                np.clip(from_wanted, least, most) * scale,
                 jac=True,
                 bounds=np.stack([least * scale, most * scale], axis=1),
                 constraints={
                     "type": "eq",
-                    "fun": lambda z: self.net(z / scale),
-                    "jac": lambda z: self.net_derivative(z / scale) / scale,
+                    "fun": lambda z: self.net(pose_of(z)),
+                    "jac": lambda z: by_z(z, self.net_derivative(pose_of(z))),
                 },
                 method="SLSQP",
                 options={"ftol": _DIGITS, "maxiter": _STEPS},
             )
-        pose = done.x / scale
+        pose = pose_of(done.x)
         balanced = np.isfinite(pose).all() and float(np.abs(self.net(pose)).max()) < _BALANCED
         return (float(done.fun), pose) if balanced else (np.inf, pose)
-
-
-def _of(values: Array, k: int | None) -> Array:
-    """Return a copy of the values (N+1, ...) of an instant; their mean if None is given."""
-    return np.array(values.mean(axis=0) if k is None else values[k])
 
 
 def at_rest(plan: TrackingPlan, *starts: Array, k: int | None = 0) -> tuple[Array, Array]:
@@ -180,7 +200,7 @@ def at_rest(plan: TrackingPlan, *starts: Array, k: int | None = 0) -> tuple[Arra
         raise ArgumentError(_NO_REST)
     x, u = np.zeros_like(plan.x_reference), np.zeros_like(plan.u_reference)
     x[:, : m.nq] = pose[: m.nq]
-    u[:] = np.concatenate([pose[m.nq :], pose[m.nd : m.nq]])
+    u[:] = np.concatenate([pose[m.nq :], pose[m.first_rho : m.nq]])
     return x, u
 
 

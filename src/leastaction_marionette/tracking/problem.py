@@ -8,7 +8,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.io import Motion
-from leastaction.mechanics import Mechanism, MidpointVI, to_momentum
+from leastaction.mechanics import Mechanism, MidpointVI, differences, rates_along, to_momentum
 from leastaction.models.marionette import (
     PLANE_HEIGHT,
     STRINGS,
@@ -18,6 +18,7 @@ from leastaction.models.marionette import (
     string_lengths,
     strings_of,
     tied_strings,
+    turns_of_angles,
 )
 from leastaction.models.puppet_controls import ends_of, held_strings
 from leastaction.numerics import Array
@@ -28,6 +29,7 @@ from leastaction_marionette.markers import LIMB_MARKERS, places_of, wanted_marke
 from leastaction_marionette.tracking.cost import TrackingCost
 from leastaction_marionette.tracking.limits import pelvis_of
 from leastaction_marionette.tracking.weights import TrackingWeights
+from leastaction_marionette.turns import body_of, unit
 
 ROOT = ("torso_tx", "torso_ty", "torso_tz")
 MOST_STEPS = 100_000
@@ -56,7 +58,7 @@ def below_strings(mechanism: Mechanism, motion: Motion) -> tuple[Motion, float]:
     Who climbs is followed as high as strings go; a motion that stays below comes back as it is.
     """
     q = np.zeros((len(motion.t), mechanism.nq))
-    q[:, : mechanism.nd] = _columns(mechanism, motion)
+    q[:, : mechanism.first_rho] = body_columns(mechanism, motion)
     hooks = mechanism.positions(q, [string.hook for string in strings_of(mechanism)])[..., 2]
     above = np.maximum(hooks.max(axis=1) - (PLANE_HEIGHT - _LEAST_LENGTH), 0.0)
     if not above.any():
@@ -79,12 +81,12 @@ class TrackingProblem:
     ) -> None:
         self.mechanism, self.weights, self.threads, self.follow = mechanism, weights, threads, follow
         self.t = motion.t
-        self.body = _columns(mechanism, motion)
+        self.body = body_columns(mechanism, motion)
         self.dt = float(self.t[1] - self.t[0])
         self.integrator = MidpointVI(mechanism, threads=threads)
         self.system = MidpointSystem(self.integrator, self.t, multipliers=True)
         self._refer()
-        self.markers = wanted_markers(mechanism, motion)
+        self.markers = wanted_markers(motion)
         if self.markers is None and follow == "markers":
             self.markers = places_of(mechanism, self.reference)
 
@@ -93,10 +95,13 @@ class TrackingProblem:
         m = self.mechanism
         if tied_strings(m):
             return None
-        run = self.integrator.simulate(self.integrator.start(self.reference[0]), self.t, rho=self.reference[:, m.nd :])
-        if run.steps < len(self.t) - 1:
+        system, x = self.system, self.x_reference
+        held = np.zeros((system.N, system.nu, system.ndx))
+        run = system.rollout(x[0], x, self.reference[1:, m.first_rho :], held, 0, system.N)
+        if not run.complete:
             return None
-        rms = np.sqrt(np.mean((run.q - self.reference)[:, : m.nd] ** 2, axis=0))
+        q = np.ascontiguousarray(run.x[:, : m.nq])
+        rms = np.sqrt(np.mean(differences(m, q, self.reference)[:, : m.nd] ** 2, axis=0))
         far = [
             error > (_GOOD_START_DISTANCE if name in ROOT else _GOOD_START_ANGLE)
             for name, error in zip(m.dynamic, rms, strict=True)
@@ -104,8 +109,7 @@ class TrackingProblem:
         ]
         if any(far):
             return None
-        x = np.vstack([self.x_reference[:1], np.hstack([run.x[1:], run.lam])])
-        return x, run.u
+        return run.x, run.u
 
     def with_markers(self, cost: TrackingCost, system: MidpointSystem) -> Cost:
         """Return a tracking cost of a system with the price of where the markers are, if they are followed."""
@@ -137,16 +141,13 @@ class TrackingProblem:
         squares = levers(m) ** 2
         Q = np.concatenate([self.body_weights(w), squares * w.string, rate, np.zeros(m.nrho), pull])
         R = squares * (0.01 * w.string)
-        u_reference = self.reference[1:, m.nd :]
+        u_reference = self.reference[1:, m.first_rho :]
         cost = TrackingCost(
             self.x_reference,
             u_reference,
             Q=Q,
             R=R,
-            dt=self.dt,
-            rho=slice(m.nd, m.nq),
-            v_rho=slice(m.nq + m.nd, m.nx),
-            rho_next=slice(0, m.nrho),
+            system=self.system,
             acceleration=squares * w.string_acceleration,
         )
         return self.with_markers(cost, self.system)
@@ -155,10 +156,10 @@ class TrackingProblem:
         """Set the reference configurations and states, with strings that go with the body's motion."""
         m = self.mechanism
         q = np.zeros((len(self.t), m.nq))
-        q[:, : m.nd] = self.body
+        q[:, : m.first_rho] = self.body
         self.reference = hang_strings(m, q)
         self.pelvis = pelvis_of(m, self.reference)
-        p = to_momentum(m, self.reference, np.gradient(self.reference, self.t, axis=0))
+        p = to_momentum(m, self.reference, rates_along(m, self.reference, self.t))
         x = self.system.states_along(self.reference, p)
         # At rest to begin with.
         x[0, m.nq : m.nx] = 0.0
@@ -169,14 +170,17 @@ class TrackingProblem:
         """Return the multipliers (nc,) with which the strings carry the puppet as it hangs at the start."""
         m = self.mechanism
         q = hang_strings(m, self.reference[0])
-        weight = -m.core.gradient(q, np.zeros(m.nq))[0][: m.nd]
+        weight = -m.core.gradient(q, np.zeros(m.nv))[0][: m.nd]
         # Statics: gravity is carried by the constraints as well as they can, with the least forces.
         columns = -m.constraint_jacobian(q)[:, : m.nd].T / self.dt
         return np.asarray(np.linalg.lstsq(columns, weight, rcond=1e-6)[0])
 
 
-def _columns(mechanism: Mechanism, motion: Motion) -> Array:
-    """Return the motion's columns in the order of the mechanism's dynamic variables, checked."""
+def body_columns(mechanism: Mechanism, motion: Motion) -> Array:
+    """Return how a motion wants the body to stand, (N+1, first_rho) in the order of the mechanism, checked.
+
+    Of a motion that names angles where the mechanism has ball joints, the same by quaternions.
+    """
     held = held_strings(mechanism) if strings_of(mechanism) else STRINGS
     needed = {name for string in held for name in (string.x, string.y, string.length)}
     if not needed <= set(mechanism.kinematic):
@@ -185,8 +189,11 @@ def _columns(mechanism: Mechanism, motion: Motion) -> Array:
             f"track: the mechanism lacks the string variables {missing}, ...; expected the marionette of "
             "leastaction.models.marionette. For another mechanism use MidpointSystem and optimize"
         )
-    for name in mechanism.dynamic:
-        if name not in motion.names:
+    names, columns = body_of(mechanism), dict(zip(motion.names, motion.q.T, strict=True))
+    if mechanism.tree.rotations and not set(names) <= set(columns):
+        columns = dict(turns_of_angles(columns))
+    for name in names:
+        if name not in columns:
             raise ArgumentError(f"motion: no column for {name!r}; {closest(name, motion.names, what='columns')}")
     if not 3 <= len(motion.t) <= MOST_STEPS + 1:
         advice = "a shorter time step, or more" if len(motion.t) < 3 else "a longer time step, or a part"
@@ -196,4 +203,4 @@ def _columns(mechanism: Mechanism, motion: Motion) -> Array:
     steps = np.diff(motion.t)
     if np.ptp(steps) > 1e-6 * steps[0]:
         raise ArgumentError("motion: times must increase in equal steps; use Motion.resample(dt) to make them so")
-    return motion.columns(mechanism.dynamic)
+    return unit(names, np.stack([columns[name] for name in names], axis=1))

@@ -66,12 +66,12 @@ def _nearest(problem: TrackingProblem, limits: PuppetLimits, x: Array, u: Array)
     R = np.full(system.nu, _BY_PLACE)
     margin = min(_MARGIN, 0.25 * (limits.strength - limits.tension))
     inside = replace(limits.loosened(-_WITHIN), tension=limits.tension + margin, strength=limits.strength - margin)
-    asked = PricedLimits(QuadraticCost(x, u, Q=Q, R=R), system, _priced(problem, limits, 1.0))
+    asked = PricedLimits(QuadraticCost(x, u, Q=Q, R=R, space=system.space), system, _priced(problem, limits, 1.0))
     best: tuple[Array, Array] | None = None  # of those whose strings pull, the one that limits are broken least by
     least, price, dearer, begun = np.inf, 1.0, _DEARER, False
     method: Method = "quasi-newton"
     for _ in range(_ROUNDS):
-        cost = PricedLimits(QuadraticCost(x, u, Q=Q, R=R), system, _priced(problem, inside, price))
+        cost = PricedLimits(QuadraticCost(x, u, Q=Q, R=R, space=system.space), system, _priced(problem, inside, price))
         found = _found(problem, cost, x, u, method)
         made = found is not None and _is_motion(problem, found.x, found.u)
         if not made and method == "quasi-newton":
@@ -110,7 +110,7 @@ def _found(
             problem.system,
             cost,
             initial=(x, u),
-            free_start=problem.mechanism.variables,
+            free_start=problem.mechanism.coordinates,
             shooting="multiple",
             method=method,
             tolerance=1e-2,
@@ -129,7 +129,9 @@ def _is_there(record: IterationRecord) -> bool:
 def _is_motion(problem: TrackingProblem, x: Array, u: Array) -> bool:
     """Whether there are no gaps between steps."""
     made = problem.system.step_each(x, u)
-    return made.complete and bool(np.abs(made.x - x[1:])[:, : problem.mechanism.nx].max() < _GAP)
+    return made.complete and bool(
+        np.abs(problem.system.difference(made.x, x[1:]))[:, : problem.mechanism.ndx].max() < _GAP
+    )
 
 
 def _all_pull(problem: TrackingProblem, x: Array, u: Array) -> bool:

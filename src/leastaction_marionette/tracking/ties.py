@@ -86,14 +86,12 @@ class TiedCost(CostOfConfigurations):
     ``lengths`` (m,), ``weight``: see the module.
     """
 
+    can_be_eased = False  # as of `TrackingCost`: it leads to motions in which strings are far from tied
+
     def __init__(self, cost: Cost, system: MidpointSystem, ends: MovedPoints, *, lengths: Array, weight: float) -> None:
         super().__init__(cost, "lengths of strings", system)
         self._ends, self._weight = ends, weight
         self._lengths = read_only(lengths.copy())
-
-    def eased(self, ease: float) -> None:  # noqa: ARG002
-        """Return None: as of `TrackingCost`, it leads to motions in which strings are far from tied."""
-        return
 
     def _prices(self, q: Array, start: int) -> Array:  # noqa: ARG002 - strings are tied all along
         off = _off(self._ends.apart(q), self._lengths)

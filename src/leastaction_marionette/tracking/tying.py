@@ -175,9 +175,9 @@ def _with_its_own_steps(tracker: Tracker, result: OptimizationResult) -> Found:
     assert plan is not None
     N = plan.system.N
     x, u = plan.inside(*plan.finer(coarse, result.x, result.u), result.cost * N / coarse.system.N)
-    none = np.zeros((N, plan.system.nu, plan.system.nx))
+    none = np.zeros((N, plan.system.nu, plan.system.ndx))
     cost, status = plan.cost().value(x, u), Status.ITERATION_LIMIT if result.success else result.status
-    found = replace(result, x=x, u=u, K=none, projection_gain=none, cost=cost, limits=None, status=status, memory=None)
+    found = replace(result, x=x, u=u, K=none, projection_gain=none, cost=cost, limits=None, status=status, state=None)
     return tracker, found
 
 

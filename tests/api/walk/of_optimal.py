@@ -104,6 +104,10 @@ def calls() -> dict[str, Call]:
         "SmoothCost": (
             systems.SmoothCost, {"cost": tied_price(), "system": tied(), "accelerations": {"hook": 1.0}},
         ),
+        "RateCost": (
+            optimal.RateCost,
+            {"cost": price(), "system": steps(), "rates": {"u": 1.0}, "before": [0.0]},
+        ),
         "FunctionCost": (
             lambda **given: la.optimize(line(), optimal.FunctionCost(**given), initial=start, max_iterations=1),
             {

@@ -49,7 +49,7 @@ from leastaction.optimal.collocation.limits import Points, stated
 from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
 from leastaction.optimal.collocation.system import CollocationSystem
 from leastaction.optimal.continuous import regulate_continuous, solve_continuous_linear_quadratic
-from leastaction.optimal.continuous.problem import ContinuousProblem
+from leastaction.optimal.continuous.models import ContinuousModels
 from leastaction.optimal.cost import matrix_of
 from leastaction.optimal.quantity import Samples
 from leastaction.systems import Ball, Keep, MechanismSystem, MidpointSystem
@@ -514,7 +514,7 @@ def test_a_problem_without_limits_is_put_on_a_mesh_too(monkeypatch):
     start = {"initial": ([0.5, 0.0], [0.0]), "horizon": (0.0, 3.0), "tolerance": 1e-12}
     along = optimize(system, cost, **start, collocate=False)
     # Nothing is integrated in time, and no Riccati equation solved, but the first trajectory of an initial state.
-    monkeypatch.setattr(ContinuousProblem, "_solve", None)
+    monkeypatch.setattr(ContinuousModels, "_solve", None)
     result = optimize(system, cost, **start)
     assert result.success
     assert result.limits is None

@@ -141,18 +141,18 @@ def _problem(system, regulator="descent"):
 def test_the_slope_is_the_derivative_of_the_cost(system, method, regulator):
     """``Dg . dxi`` against differences of the projected cost along the direction."""
     problem = _problem(system, regulator)
-    model = problem.minimise_model(method, 1.0)
-    direction = problem.direction(method, model, 1.0)
+    model = problem.models.minimise(method, 1.0)
+    direction = problem.steps.direction(method, model, 1.0)
     h = 1e-4
-    costs = [problem.simulate(direction, s, np.inf).cost for s in (-h, 0.0, h)]
-    assert costs[1] == pytest.approx(problem.value, rel=1e-9)
+    costs = [problem.steps.simulate(direction, s, np.inf).cost for s in (-h, 0.0, h)]
+    assert costs[1] == pytest.approx(problem.here.value, rel=1e-9)
     assert direction.slope < 0.0
     assert direction.slope == pytest.approx((costs[2] - costs[0]) / (2 * h), rel=1e-6)
     if method == "newton" and regulator == "lqr":
         # With gains that do not change with the direction, the exact model foretells the second
         # derivative too: -Dg . dxi.
         h = 3e-3
-        costs = [problem.simulate(direction, s, np.inf).cost for s in (-h, 0.0, h)]
+        costs = [problem.steps.simulate(direction, s, np.inf).cost for s in (-h, 0.0, h)]
         second = (costs[2] - 2 * costs[1] + costs[0]) / h**2
         assert second == pytest.approx(-direction.slope, rel=1e-3)
 
@@ -291,14 +291,14 @@ def test_resuming_knows_the_cost(system):
 
 def test_a_trial_is_given_up_once_it_is_past_its_bound(system):
     problem = _problem(system)
-    direction = problem.direction("newton", problem.minimise_model("newton", 1.0), 1.0)
-    whole = problem.simulate(direction, 1.0, np.inf)
-    refused = problem.simulate(direction, 1.0, 0.5 * whole.cost)
+    direction = problem.steps.direction("newton", problem.models.minimise("newton", 1.0), 1.0)
+    whole = problem.steps.simulate(direction, 1.0, np.inf)
+    refused = problem.steps.simulate(direction, 1.0, 0.5 * whole.cost)
     assert "past its bound" in refused.reason
     time = float(refused.reason.split("t = ")[1].split(" s")[0])
     assert 0.0 < time < 0.9 * T
     problem.cost.nonnegative = False
-    refused = problem.simulate(direction, 1.0, 0.5 * whole.cost)
+    refused = problem.steps.simulate(direction, 1.0, 0.5 * whole.cost)
     assert "where at most" in refused.reason
 
 

@@ -6,14 +6,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy as sp
 
 from derivatives.test_quaternions import FORCES, PIN, WRENCH, tumbling
 from leastaction import Feedback, check_derivatives, simulate
+from leastaction.elements import ExpressionPotential
+from leastaction.expressions import time, variable
 from leastaction.limits import Ball, Bound, Equal, Keep, Oriented, Pointing
 from leastaction.mechanics import BodyWrench, Gravity, Mechanism, MidpointVI, ball, free, rx, ry, tx
-from leastaction.optimal import ContinuousQuadraticCost, DenseTrajectory, QuadraticCost, Status, optimize
+from leastaction.optimal import ContinuousQuadraticCost, DenseTrajectory, FinalTime, QuadraticCost, Status, optimize
 from leastaction.optimal.collocation.limits import Points
-from leastaction.optimal.collocation.mesh import RadauMesh
+from leastaction.optimal.collocation.mesh import MATRIX, RadauMesh
+from leastaction.optimal.collocation.system import CollocationSystem
 from leastaction.optimal.limits.charts import numbered
 from leastaction.optimal.quantity import Samples
 from leastaction.systems import MechanismSystem, MidpointSystem
@@ -193,6 +197,41 @@ def test_large_turns_take_few_iterations(angle: float) -> None:
     assert found.cost == pytest.approx(0.001 * angle**2, rel=1e-6)
 
 
+class InPython(MechanismSystem):
+    """The same system, whose pieces are not rolled out in the core."""
+
+    def roll_out_pieces(self, *_: Any) -> int:
+        return 0
+
+
+def test_pieces_roll_out_in_the_core_as_in_python() -> None:
+    """With balls that are moved and such that move, a slide, a force that changes with the time, under a feedback."""
+    hand = ball("hand", kinematic=True, mass=0.2, inertia=(1e-3, 1e-3, 2e-3))
+    body = ball("hip", name="body", mass=0.5, com=(0.05, 0.0, -0.2), inertia=(2e-3, 3e-3, 1e-3))
+    blown = ExpressionPotential(0.3 * variable("slide") * sp.sin(5.0 * time()))
+    m = Mechanism(
+        [hand, [tx("slide", mass=0.1), [body]]], [Gravity(), BodyWrench("body", torque=("a", 0.0, "c")), blown]
+    )
+    rng, mesh = np.random.default_rng(4), RadauMesh(np.array([0.0, 0.05, 0.08, 0.12]))
+    core, python = (CollocationSystem(kind(m), mesh) for kind in (MechanismSystem, InPython))
+    x0 = np.r_[m.configuration(), rng.standard_normal(m.nv)]
+    u = 0.3 * rng.standard_normal((3, core.nu))
+    start = python.layout.joined(np.tile(x0, (1, 3, 1)), np.zeros((1, 3, core.nu // 3)))[0]
+    still = np.zeros((3, core.nu, core.ndx))
+    reference = python.rollout(start, np.tile(start, (4, 1)), u, still, 0, 3)
+    assert reference.failure is None
+    moved = core.plus(start, np.r_[0.3 * rng.standard_normal(m.ndx), np.zeros(core.ndx - m.ndx)])
+    K = 0.02 * rng.standard_normal(still.shape)
+    runs = [each.rollout(moved, reference.x, u, K, 0, 3) for each in (core, python)]
+    assert runs[0].failure is None
+    assert np.abs(runs[0].u - runs[1].u).max() < 1e-10
+    assert np.abs(runs[0].x - runs[1].x).max() < 1e-10
+    out = core.system.roll_out_pieces(
+        mesh.h, mesh.t, MATRIX, (reference.x, u), K, np.vstack([moved, np.zeros((3, core.nx))]), np.zeros_like(u)
+    )
+    assert out == 3
+
+
 @pytest.mark.parametrize("bounded", [False, True])
 def test_the_hand_is_an_input(bounded: bool) -> None:
     """Of a bar whose turns are prescribed the accelerations are found that bring a body on it where it is wanted."""
@@ -211,3 +250,18 @@ def test_the_hand_is_an_input(bounded: bool) -> None:
     assert bool(np.abs(found.u).max() < 8.0 + 1e-6) is bounded
     run = simulate(m, x0[:6], x0[6:], [0.0, 0.8], rho_a=found.dense.u, rtol=1e-10)
     assert np.abs(system.difference(run.x[-1], found.x[-1])).max() < 1e-4
+
+
+def test_a_final_time_takes_few_iterations() -> None:
+    """As long as it likes, at a price: what is beside a rotation leaves its steps what they are."""
+    system, angle = satellite(), 3.0
+    goal = np.r_[np.cos(0.5 * angle), 0.0, 0.0, np.sin(0.5 * angle), np.zeros(3)]
+    price = {"Q": np.zeros(6), "R": np.full(3, 0.05), "Q_final": np.full(6, 50.0)}
+    cost = ContinuousQuadraticCost(goal, np.zeros(3), **price, space=system)
+    last = FinalTime(0.5, 10.0, price=0.1)
+    found = optimize(system, cost, initial=(np.eye(7)[0], np.zeros(3)), horizon=(0.0, 2.0), unknowns=[last])
+    assert found.success
+    assert found.iterations <= 10
+    # About its third axis, of inertia I: the effort R/2 12 I^2 angle^2 / T^3 and the price have their least sum.
+    T = (3.0 * 0.05 * 6.0 * (MOMENTS[2] * angle) ** 2 / 0.1) ** 0.25
+    assert found.unknowns["final time"] == pytest.approx(T, rel=0.02)

@@ -159,7 +159,7 @@ def test_pieces_are_rolled_out_by_the_mechanism_as_by_the_extended_system(rng):
     K[:, :, :n] = 0.2 * rng.normal(size=(3, STAGES * nu, n))
     z, u = np.zeros((4, layout.nz)), np.zeros((3, STAGES * nu))
     z[0, :n] = x[0] + 0.1 * rng.normal(size=n)
-    assert system.roll_out_pieces(h, MATRIX, (zbar, ubar), K, z, u) == 3
+    assert system.roll_out_pieces(h, np.zeros((3, STAGES)), MATRIX, (zbar, ubar), K, z, u) == 3
     for k in range(3):
         np.testing.assert_allclose(u[k], ubar[k] - K[k] @ (z[k] - zbar[k]), atol=1e-12)
         states, inputs = layout.points(z[k + 1 : k + 2])

@@ -17,7 +17,7 @@ from leastaction.errors import ArgumentError, unknown
 from leastaction.numerics.arrays import Array, as_array, read_only, require_instance
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.linear_quadratic import adjoint, solve_linear_quadratic
-from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.discrete.system import DiscreteSystem, derivatives_by, with_parameters
 from leastaction.optimal.optimization import optimize
 from leastaction.optimal.unknowns.extended import by_differences
 
@@ -26,7 +26,7 @@ def with_values(system: DiscreteSystem, names: Sequence[str], values: Array) -> 
     """Return a system with values of some parameters, or itself where there are no names."""
     if not names:
         return system
-    return system.with_parameters(dict(zip(names, np.asarray(values, dtype=np.float64).tolist(), strict=True)))
+    return with_parameters(system, dict(zip(names, np.asarray(values, dtype=np.float64).tolist(), strict=True)))
 
 
 def checked_names(system: DiscreteSystem, parameters: Sequence[str]) -> tuple[str, ...]:
@@ -119,7 +119,7 @@ class OptimalMotion:
         names, n = self.names, system.nx + system.nu
         if not names:
             return np.zeros((len(u), system.nx, 0)), np.zeros((len(u), 0, n))
-        drift = system.differentiate_by(x, u, names)
+        drift = derivatives_by(system, x, u, names)
         exact = system.curvature_by_parameters(x, u, z, names)
         if exact is not None:
             return drift, exact[:, :, :n]
@@ -127,7 +127,7 @@ class OptimalMotion:
         for j in range(len(names)):
 
             def slopes(moved: Array) -> Array:
-                near = system.with_parameters_near(dict(zip(names, moved.tolist(), strict=True)))
+                near = with_parameters(system, dict(zip(names, moved.tolist(), strict=True)), near=True)
                 A, B = near.linearize_each(x, u, near.step_each(x, u).x)
                 return np.asarray(np.einsum("ki,kij->kj", z, np.concatenate([A, B], axis=2)))
 

@@ -43,7 +43,7 @@ def reeled_in(system: MidpointSystem, x: Array, u: Array, rig: Rig) -> ReeledIn:
         if variable is None:
             shorter[f"{name}.length"] = float(by.mean())
         else:
-            planned[:, m.variables.index(variable)] -= by
+            planned[:, m.coordinates.index(variable)] -= by
     q, p, v_rho = np.split(planned, [m.nq, m.nq + m.nd], axis=1)
     u[:, m.n_inputs :] = q[1:, m.first_rho :]
     return ReeledIn(system.states_along(q, p, v_rho[0])[:, : m.nx], u, shorter, least)

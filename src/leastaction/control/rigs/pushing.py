@@ -69,8 +69,8 @@ class PushingCost(CostOfConfigurations):
 
     def _slopes(self, q: Array) -> Array:
         found = self._pushing.derivatives(q, 0)
-        return np.zeros_like(q) if found is None else found[0]
+        return np.zeros((len(q), self._nv)) if found is None else found[0]
 
     def _bends(self, q: Array, *, exact: bool) -> Array:  # noqa: ARG002
         found = self._pushing.derivatives(q, 0)
-        return np.zeros((*q.shape, q.shape[1])) if found is None else found[1]
+        return np.zeros((len(q), self._nv, self._nv)) if found is None else found[1]

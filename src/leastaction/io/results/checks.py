@@ -62,35 +62,30 @@ def check_result(result: OptimizationResult, source: str) -> None:
         "K": (result.K, (steps, nu, ndx)),
         "projection_gain": (result.projection_gain, (steps, nu, gains)),
     }
-    memory = result.memory
-    if memory is not None:
-        places = {"earlier": memory.earlier, "gaps": memory.gaps}
-        if memory.resolved is not None:
-            places["resolved.before"] = memory.resolved.before
-        if memory.nearer is not None:
-            places["nearer.place"] = memory.nearer.place
+    state = result.state
+    if state is not None:
+        run, begun, gaps = state.run, state.begun, state.gaps
+        places = {"begun.earlier": begun.earlier, "gaps": gaps}
+        if run.resolved is not None:
+            places["run.resolved.before"] = run.resolved.before
+        if run.nearer is not None:
+            places["run.nearer.place"] = run.nearer.place
         for where, place in places.items():
             if place is not None:
                 # With unknowns the states of a run are longer than those of its result.
                 shapes |= {
-                    f"memory.{where}.x": (place.x, (steps + 1, width)),
-                    f"memory.{where}.u": (place.u, (steps, nu)),
-                    f"memory.{where}.gain": (place.gain, (steps, nu, gains)),
+                    f"state.{where}.x": (place.x, (steps + 1, width)),
+                    f"state.{where}.u": (place.u, (steps, nu)),
+                    f"state.{where}.gain": (place.gain, (steps, nu, gains)),
                 }
-        if memory.first is not None:
-            shapes["memory.first.x"] = memory.first.x, (steps + 1, width)
-            shapes["memory.first.u"] = memory.first.u, (steps, nu)
-        if memory.start is not None:
-            start = memory.start.x
-            shapes["memory.start.x"] = start, (width,) if start.ndim == 1 else (steps + 1, width)
-            shapes["memory.start.u"] = memory.start.u, (steps, nu)
-        if memory.gaps is not None:
-            gaps = memory.gaps
-            shapes["memory.gaps.size"] = gaps.size, (gains,)
-            shapes["memory.gaps.costates"] = gaps.costates, (steps + 1 if len(gaps.costates) else 0, gains)
-            shapes["memory.gaps.filter"] = gaps.filter, (len(gaps.filter), 2)
-        if memory.wanted is not None:
-            shapes["memory.wanted.x"] = memory.wanted.x, (steps + 1, width)
-            shapes["memory.wanted.u"] = memory.wanted.u, (steps, nu)
+        for where, start in {"first": begun.first, "given": begun.given, "wanted": begun.wanted}.items():
+            if start is not None:
+                is_state = where == "given" and start.x.ndim == 1
+                shapes[f"state.begun.{where}.x"] = start.x, (width,) if is_state else (steps + 1, width)
+                shapes[f"state.begun.{where}.u"] = start.u, (steps, nu)
+        if gaps is not None:
+            shapes["state.gaps.size"] = gaps.size, (gains,)
+            shapes["state.gaps.costates"] = gaps.costates, (steps + 1 if len(gaps.costates) else 0, gains)
+            shapes["state.gaps.filter"] = gaps.filter, (len(gaps.filter), 2)
     check_shapes(shapes, f"{steps} steps, {nx} states and {nu} inputs", source)
     check_history(result, source)

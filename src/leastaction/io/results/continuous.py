@@ -11,17 +11,16 @@ from leastaction.io.results.checks import check_history, check_shapes
 from leastaction.numerics.arrays import Array
 from leastaction.optimal import ContinuousOptimizationResult, DenseTrajectory
 from leastaction.optimal.continuous.content import ContinuousContent, Pieces, common_of
+from leastaction.optimal.continuous.trajectory import OverTime
 
 
 def result_of(content: ContinuousContent) -> ContinuousOptimizationResult:
     """Return the result that a file holds."""
     return ContinuousOptimizationResult(
         **{**common_of(content.common), "t": content.t},
-        dense=DenseTrajectory(content.trajectory.function(), content.nx),
         feedback=content.feedback.function(),
         projection=content.projection.function(),
-        accuracy=content.accuracy,
-        jumps=content.jumps,
+        over_time=OverTime(DenseTrajectory(content.trajectory.function(), content.nx), content.accuracy, content.jumps),
     )
 
 
@@ -52,14 +51,14 @@ def check_continuous(content: ContinuousContent, source: str) -> None:
                 f"{source} contradicts itself: {name} is of shape {pieces.shape}, expected {shape} for {nx} states and "
                 f"{nu} inputs. Run the optimisation again"
             )
-    mesh = None if common.memory is None else common.memory.mesh
+    mesh = None if common.state is None else common.state.mesh
     if mesh is not None:
         N, nz, nv = len(mesh.u), mesh.x.shape[-1], mesh.u.shape[-1]
         shapes |= {
-            "memory.mesh.breaks": (mesh.breaks, (N + 1,)),
-            "memory.mesh.x": (mesh.x, (N + 1, nz)),
-            "memory.mesh.u": (mesh.u, (N, nv)),
-            "memory.mesh.gain": (mesh.gain, (N, nv, mesh.gain.shape[-1])),
+            "state.mesh.breaks": (mesh.breaks, (N + 1,)),
+            "state.mesh.x": (mesh.x, (N + 1, nz)),
+            "state.mesh.u": (mesh.u, (N, nv)),
+            "state.mesh.gain": (mesh.gain, (N, nv, mesh.gain.shape[-1])),
         }
     check_shapes(shapes, f"{n} times, {nx} states and {nu} inputs", source)
     for name in ("t", *(f"{name}.breaks" for name in wanted)):

@@ -47,7 +47,7 @@ from leastaction.mechanics.discrete.trajectory import (
     trajectory_of,
     vector_of,
 )
-from leastaction.mechanics.mechanism.arguments import angles_only, inputs_of, rates, single
+from leastaction.mechanics.mechanism.arguments import inputs_of, rates, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.singularity import SingularityWatch
 from leastaction.mechanics.mechanism.turns import differences
@@ -123,8 +123,6 @@ class MidpointVI(Integrator):
         self.at_instants = _checked_instants(mechanism, at_instants)
         self.reels = any(element.length_variable is not None for element in mechanism.elements.values())
         self.watch = SingularityWatch(mechanism.balls, mechanism.coordinates)
-        if self.at_instants:
-            angles_only(mechanism, "at_instants")
         late = [mechanism.inputs.index(name) for name in self.at_instants]
         self.core = _core.Midpoint(mechanism.core, _core.Split[split], self.tolerance, steps, at_instants=late)
 

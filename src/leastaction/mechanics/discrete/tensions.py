@@ -9,6 +9,7 @@ import numpy as np
 from leastaction.mechanics.elements.base import Element, Potential
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
+from leastaction.mechanics.mechanism.turns import middles
 from leastaction.numerics.arrays import Array
 
 
@@ -24,9 +25,9 @@ def tensions(run: BaseTrajectory[Any]) -> dict[str, Array]:
     velocity there is no step before, so the first impulse, and with it the first tension, is half of what follows.
     """
     m, dt = run.mechanism, np.diff(run.t)
-    start = dict(zip(m.variables, run.q[:-1].T, strict=True))
+    start = dict(zip(m.coordinates, run.q[:-1].T, strict=True))
     impulse = dict(zip(m.constraints, run.lam.T, strict=True))
-    first, middle = (run.t[:-1], run.q[:-1]), (0.5 * (run.t[1:] + run.t[:-1]), 0.5 * (run.q[1:] + run.q[:-1]))
+    first, middle = (run.t[:-1], run.q[:-1]), (0.5 * (run.t[1:] + run.t[:-1]), middles(m, run.q))
     found: dict[str, Array | None] = {}
     for name, element in m.elements.items():
         if name in impulse:
@@ -45,7 +46,7 @@ def _pull(m: Mechanism, element: Element, q: Array) -> Array | None:
         return None
     places = m.positions(q, element.looks[0].frames)
     length = np.linalg.norm(np.diff(places, axis=-2), axis=-1).sum(axis=-1)
-    return element.pull(length, np.zeros_like(length), dict(zip(m.variables, q.T, strict=True)))
+    return element.pull(length, np.zeros_like(length), dict(zip(m.coordinates, q.T, strict=True)))
 
 
 def _slope(m: Mechanism, name: str, element: Element, t: Array, q: Array) -> Array | None:
@@ -56,7 +57,7 @@ def _slope(m: Mechanism, name: str, element: Element, t: Array, q: Array) -> Arr
     places = dict(zip(frames, np.moveaxis(m.positions(q, frames), -2, 0), strict=True))
     start = len(name) + 1
     numbers = {key[start:]: value for key, value in m.parameters.items() if key.startswith(f"{name}.")}
-    return element.slope(_Pieces(places), {**numbers, **dict(zip(m.variables, q.T, strict=True)), "": t})
+    return element.slope(_Pieces(places), {**numbers, **dict(zip(m.coordinates, q.T, strict=True)), "": t})
 
 
 class _Pieces(dict[tuple[str, str], Array]):

@@ -2,7 +2,8 @@
 
 The arrays of a dataclass, and of those in it, are kept under their dotted names, such as ``history.cost``; the rest is
 what JSON can hold. On the way back msgspec holds it to the types of the dataclass. A field whose metadata say
-``"recorded": False`` is left out.
+``"recorded": False`` is left out; ``"earlier": (name, function)`` says under which name older files have it, and what
+makes what it is now of that.
 """
 
 from __future__ import annotations
@@ -113,12 +114,21 @@ def _named_in(hint: Any, value: Any) -> Any:
     if type(None) in get_args(hint):
         hint = next(kind for kind in get_args(hint) if kind is not type(None))
     if is_dataclass(hint):
+        _renew(hint, value)
         _name_members(get_type_hints(hint).items(), value)
     elif isinstance(hint, type) and issubclass(hint, Enum):
         return hint[value]
     elif isinstance(value, dict):
         return {_unescaped(key): entry for key, entry in value.items()}
     return value
+
+
+def _renew(kind: Any, content: Any) -> None:
+    """Put what older files have under another name to the fields of a dataclass that know what to make of it."""
+    for field in fields(kind):
+        name, made_of = field.metadata.get("earlier", ("", None))
+        if made_of is not None and isinstance(content, dict) and name in content:
+            content[field.name] = made_of(content.pop(name))
 
 
 def _checked_array(kind: Any, value: Any) -> NDArray[Any]:

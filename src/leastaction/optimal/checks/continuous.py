@@ -13,6 +13,7 @@ from leastaction.optimal.checks.differences import Errors
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
+from leastaction.optimal.system import second_derivative
 
 _Note = Callable[[str, Array, Array], None]
 
@@ -44,7 +45,7 @@ def compare_continuous(
     if system.has_curvature:
         H_all = system.curvatures(x, u, times, z)
         at_once = zip(x, u, times.tolist(), z, strict=True)
-        note("curvatures", H_all, np.stack([system.curvature(*one) for one in at_once]))
+        note("curvatures", H_all, np.stack([second_derivative(system, *one) for one in at_once]))
     if cost is not None:
         _compare_final(cost, x[-1], curve.tf, note)
     return errors

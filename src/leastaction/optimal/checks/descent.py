@@ -122,13 +122,13 @@ def cost_along(
         given = initial.dense if isinstance(initial, ContinuousOptimizationResult) else initial
     problem: Any = made  # whose models and directions go with it, whatever the kind of time
     problem.start(given)
-    model = problem.minimise_model(method, 1.0 if method == "newton" else 0.0)
+    model = problem.models.minimise(method, 1.0 if method == "newton" else 0.0)
     if not model.definite:
         raise ArgumentError(
             f"method: got {method!r}, whose model has no minimum along this trajectory: {model.message}. "
             "Use 'quasi-newton'"
         )
-    direction = problem.direction(method, model, 1.0 if method == "newton" else 0.0)
-    trials = [problem.simulate(direction, float(length), np.inf) for length in lengths]
+    direction = problem.steps.direction(method, model, 1.0 if method == "newton" else 0.0)
+    trials = [problem.steps.simulate(direction, float(length), np.inf) for length in lengths]
     costs = np.array([trial.cost if isinstance(trial, Trial) else np.nan for trial in trials])
-    return CostAlong(method, lengths, costs, float(problem.value), float(direction.slope))
+    return CostAlong(method, lengths, costs, float(problem.here.value), float(direction.slope))

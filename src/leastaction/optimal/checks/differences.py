@@ -11,7 +11,7 @@ from leastaction.numerics.arrays import Array
 from leastaction.numerics.differences import central_differences
 from leastaction.optimal.discrete.charts import StepInCharts
 from leastaction.optimal.space import StateSpace
-from leastaction.optimal.system import System
+from leastaction.optimal.system import System, second_derivative
 
 
 def relative_error(got: Array, expected: Array) -> float:
@@ -45,7 +45,7 @@ class Errors(dict[str, float]):
         self.note("A", A, J[:, :n])
         self.note("B", B, J[:, n:])
         if system.has_curvature:
-            H = system.curvature(x, u, when, z)
+            H = second_derivative(system, x, u, when, z)
             slopes = central_differences(lambda y: z @ np.hstack(system.derivatives(y[:n], y[n:], when)), at)
             self.note("curvature", H, slopes)
             self.note("curvature symmetry", H, H.T)
@@ -59,6 +59,6 @@ class Errors(dict[str, float]):
         self.note("A", A, J[:, :n])
         self.note("B", B, J[:, n:])
         if system.has_curvature:
-            H = system.curvature(x, u, when, z)
+            H = second_derivative(system, x, u, when, z)
             self.note("curvature", H, central_differences(lambda y: z @ step.derivatives(y), at))
             self.note("curvature symmetry", H, H.T)

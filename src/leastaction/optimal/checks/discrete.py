@@ -14,7 +14,7 @@ from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.hessians import CostHessian
 from leastaction.optimal.discrete.system import DiscreteSystem, linearized
 from leastaction.optimal.space import StateSpace, moved_by
-from leastaction.optimal.system import space_of
+from leastaction.optimal.system import second_derivative, space_of
 
 
 def compare_discrete(system: DiscreteSystem, x: ArrayLike, u: ArrayLike, cost: Cost | None, seed: int) -> Errors:
@@ -91,7 +91,7 @@ def _compare_whole(system: DiscreteSystem, x: Array, u: Array, rng: np.random.Ge
     if system.has_curvature:
         z = read_only(rng.standard_normal((N + 1, ndx)))
         H = linearization.curvature(z)
-        single = np.stack([system.curvature(x[k], u[k], k, z[k + 1]) for k in steps])
+        single = np.stack([second_derivative(system, x[k], u[k], k, z[k + 1]) for k in steps])
         errors.note("curvatures", H[steps], single)
 
 

@@ -70,7 +70,7 @@ class CostInCharts(Cost):
         q, _, q_final = self.cost.gradient(x, u)
         return self._moved(x, self.cost.hessian(x, u), self.on.plus_curvature(x, np.concatenate([q, q_final[None]])))
 
-    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+    def own_convex_hessian(self, x: Array, u: Array) -> CostHessian:
         return self._moved(x, self.cost.convex_hessian(x, u), np.zeros((len(x), self.on.ndx, self.on.ndx)))
 
     def _moved(self, x: Array, found: CostHessian, bent: Array) -> CostHessian:

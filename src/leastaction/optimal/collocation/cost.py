@@ -68,7 +68,7 @@ class AnyCollocationCost(CollocationCost):
         rate, final = self.cost.hessian(*self._points(x)), self.cost.final_hessian(x[-1, : self.layout.nx], self.tf)
         return self._over(rate, final, u)
 
-    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+    def own_convex_hessian(self, x: Array, u: Array) -> CostHessian:
         last = x[-1, : self.layout.nx]
         rate, final = self.cost.convex_hessian(*self._points(x)), self.cost.convex_final_hessian(last, self.tf)
         return convex(self._over(rate, final, u))

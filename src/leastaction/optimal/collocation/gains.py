@@ -86,13 +86,13 @@ class _Backwards:
             return None
         here = self._samples(points.t)
         right = here.B.transpose(0, 2, 1) @ before[:POINTS] + here.S.transpose(0, 2, 1)
-        K = np.linalg.solve(here.R, right)
+        K: Array = np.asarray(np.linalg.solve(here.R, right), dtype=np.float64).reshape(POINTS, -1)
         size = np.sqrt(np.abs(np.diag(first[0])))
         off = np.abs(first[0] - before[-1]) > _CLOSE * (size[:, None] * size + 1e-3 * np.abs(first[0]).max())
-        return None if may_halve and (off.any() or self._rough(points, K)) else (K.reshape(POINTS, -1), first[0])
+        return None if may_halve and (off.any() or self._rough(points, K)) else (K, first[0])
 
     def _rough(self, points: Mesh, K: Array) -> bool:
-        coefficients = np.abs(points.coefficients(K.reshape(POINTS, -1)))[0]
+        coefficients = np.abs(points.coefficients(K))[0]
         size = coefficients.max(axis=0).reshape(self.nu, self.nx)
         size = np.maximum(size, _IN_ROW * size.max(axis=1, keepdims=True)).ravel()
         tail = np.maximum(coefficients[-1], 0.1 * coefficients[-2])

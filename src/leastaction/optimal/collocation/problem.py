@@ -31,11 +31,11 @@ from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.merit import BarrierMerit
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.memory import Memory, OnMesh
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.search.grid import TimeGrid
 from leastaction.optimal.search.problem import DiscreteProblem
+from leastaction.optimal.state import OnMesh, SearchState
 from leastaction.optimal.system import Linearization
 
 # Pieces of the first mesh, and of the last one at most; how often it is made finer.
@@ -89,7 +89,7 @@ class Collocation:
         curve, is_curve = own.given(initial.dense if isinstance(initial, ContinuousOptimizationResult) else initial)
         if not is_curve:
             own.apply(curve)
-            curve = own.trajectory
+            curve = own.here.trajectory
         inner, densities = self._times(curve.t0, curve.tf), [] if given is None else _densities(given)
         pieces = _FIRST
         while pieces < _FIRST_MOST and _misses(curve, RadauMesh.first(curve.t0, curve.tf, inner, pieces)):
@@ -108,8 +108,8 @@ class Collocation:
         """Begin where an earlier run ended."""
         own = self.own
         own.resume(result)
-        self._times(own.trajectory.t0, own.trajectory.tf)
-        mesh = None if result.memory is None else result.memory.mesh
+        self._times(own.here.trajectory.t0, own.here.trajectory.tf)
+        mesh = None if result.state is None else result.state.mesh
         if mesh is None:
             raise ArgumentError(
                 "resume: got a result that was not found on a mesh, expected one with the limits of this call. Give it "
@@ -122,7 +122,7 @@ class Collocation:
 
     def _times(self, t0: float, tf: float) -> list[float]:
         """Return the times that have to be ends of pieces: where something jumps, or limits are asked alone."""
-        inner = list(self.own.jumps)
+        inner = list(self.own.models.jumps)
         for limit in self.limits:
             at: Any = limit.at
             for time in [at] if isinstance(at, (str, int, float)) else at or ():
@@ -141,7 +141,7 @@ class MeshGrid(TimeGrid):
     there. The duals go along, as functions of time.
 
     ``whole``: what is on the mesh. ``rounds``: how often it was made finer. ``moved``: whether a step was made on this
-    one.
+    one by an earlier run, or none need be.
     """
 
     is_mesh = True
@@ -161,7 +161,7 @@ class MeshGrid(TimeGrid):
         cost: Cost = collocation_cost(whole.own.cost, self.mesh, self.system.layout)
         if self.system.space is not None:
             cost = CostInCharts(cost, self.system.space)
-        given = whole.own.projection
+        given = whole.own.models.projection
         if given is not None and self.system.space is not None:
             raise ArgumentError(
                 f"projection: got one for {type(whole.own.system).__name__}, whose states are no plain vectors, "
@@ -174,7 +174,7 @@ class MeshGrid(TimeGrid):
             self.system, cost, settings, list(_rows(self.sides)), whole.free_start,
             whole.gapped, final_time=whole.final_time, grid=self,
             finer=self.finer, results=self.result,
-            work=Work(self.system.N, self.system.ndx, self.system.nu, clock=whole.own.clock),
+            work=Work(self.system.N, self.system.ndx, self.system.nu, clock=whole.own.report.clock),
         )  # fmt: skip
 
     def start(
@@ -200,7 +200,7 @@ class MeshGrid(TimeGrid):
     def resume(self, mesh: OnMesh, result: OptimizationResult) -> DiscreteProblem:
         """Return the problem where an earlier run ended."""
         problem = self._problem()
-        here, gaps = problem.parts.here, None if result.memory is None else result.memory.gaps
+        here, gaps = problem.parts.here, None if result.state is None else result.state.gaps
         here.move(mesh.x, mesh.u, None)
         here.gain, here.value = mesh.gain, problem.parts.plain.cost.value(mesh.x, mesh.u)
         if gaps is not None:
@@ -229,12 +229,9 @@ class MeshGrid(TimeGrid):
 
     # ---- Finer meshes -----------------------------------------------------------------------------
 
-    def tolerated(self, goal: float, noise: float) -> float:
+    def tolerated(self, goal: float, here: Here) -> float:
         """Return the expected decrease that is small enough: on a finer mesh a step is made, or it were for nothing."""
-        return goal if self.moved else min(goal, _ABOVE_NOISE * noise)
-
-    def note_step(self) -> None:
-        self.moved = True
+        return goal if self.moved or here.moved else min(goal, _ABOVE_NOISE * here.noise)
 
     def finer(self, problem: DiscreteProblem) -> DiscreteProblem | None:
         """Return the problem with shorter pieces where the motion asks for them."""
@@ -360,17 +357,18 @@ class MeshGrid(TimeGrid):
     def result(self, problem: DiscreteProblem, summary: dict[str, Any]) -> ContinuousOptimizationResult:
         """Return the result at the current iterate, in continuous time."""
         own, here = self.whole.own, problem.parts.here
-        own.trajectory = motion = self.curve(here)
-        own.gain = own.feedback = regulator_along(own.system, own.cost, motion, own.jumps, own.accuracy)
-        found = own.result(summary)
+        own.here.trajectory = motion = self.curve(here)
+        gain = regulator_along(own.system, own.cost, motion, own.models.jumps, own.accuracy)
+        own.here.gain = own.models.feedback = gain
+        found = own.report.result(summary)
         # At the end of a piece the input is that of its last point: the next piece's polynomial may stand beside it.
         u = found.u.copy()
         u[1:] = self.system.layout.points(here.x[1:])[1][:, -1]
-        mesh = OnMesh(self.mesh.breaks, here.x, here.u, here.gain.copy(), self.rounds, self.moved)
+        mesh = OnMesh(self.mesh.breaks, here.x, here.u, here.gain.copy(), self.rounds, self.moved or here.moved)
         limits = self._report(problem) if self.sides else None
         curve = problem.parts.curve
-        memory = Memory(mesh=mesh, gaps=None if curve is None else curve.memory())
-        return replace(found, u=u, limits=limits, gap=problem.gap, memory=memory)
+        state = SearchState(mesh=mesh, gaps=None if curve is None else curve.state())
+        return replace(found, u=u, limits=limits, gap=here.gap, state=state)
 
     def _report(self, problem: DiscreteProblem) -> LimitReport:
         """Return the report of the limits as they were stated."""

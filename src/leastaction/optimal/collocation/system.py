@@ -22,7 +22,9 @@ from leastaction.optimal.collocation.piece import (
     solved_each,
 )
 from leastaction.optimal.continuous.system import ContinuousSystem
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
+from leastaction.optimal.discrete.rollout import Rollout
+from leastaction.optimal.discrete.step_by_step import make_step
+from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.space import moved_by
 from leastaction.optimal.system import Linearization
 
@@ -40,29 +42,29 @@ class CollocationSystem(DiscreteSystem):
     """
 
     def __init__(self, system: ContinuousSystem, mesh: RadauMesh) -> None:
-        self.system, self.mesh = system, mesh
+        self.system, self.mesh = system.starting_at(float(mesh.breaks[0])), mesh
         self.layout = NodeLayout(system.nx, system.nu)
         self.nx, self.nu, self.N = self.layout.nz, STAGES * system.nu, mesh.N
         self.has_curvature = system.has_curvature
         self.space = space_on_mesh(system)
 
-    def when(self, k: int) -> str:
+    def own_when(self, k: int) -> str:
         return f"t = {self.mesh.breaks[k]:.4g} s"
 
-    def input_name(self, i: int) -> str:
+    def own_input_name(self, i: int) -> str:
         return self.system.input_name(i % self.system.nu)
 
-    def time(self, k: int) -> float:
+    def own_time(self, k: int) -> float:
         return float(self.mesh.breaks[k])
 
-    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
+    def own_start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
         start, space = x[: self.system.nx], self.system.space
         own = self.system.start_directions(start, free)
         if space is not None:
             own = space.changes(start) @ own
         return np.vstack([own, np.zeros((self.ndx - len(own), own.shape[1]))])
 
-    def moved_start(self, x: Array, dx: Array) -> Array:
+    def own_moved_start(self, x: Array, dx: Array) -> Array:
         moved, nx = x.copy(), self.system.nx
         by = dx[:nx] if self.space is None else self.space.plus(x, dx)[:nx] - x[:nx]
         moved[:nx] = self.system.moved_start(x[:nx], by)
@@ -76,7 +78,7 @@ class CollocationSystem(DiscreteSystem):
         states = self._solve(start, inputs[0], k, np.tile(start, (STAGES, 1)))
         return np.asarray(self.layout.joined(states[None], inputs)[0])
 
-    def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
+    def own_rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
         """Simulate pieces under a feedback, each found from where the reference has it."""
         nx = self.system.nx
         x, u = np.empty((stop - start + 1, self.nx)), np.empty((stop - start, self.nu))
@@ -95,14 +97,14 @@ class CollocationSystem(DiscreteSystem):
                 with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                     states = self._solve(x[i, :nx], inputs, k, self._moved(along[i], off), matrices[i])
             except StepError:
-                failure = self._make_step(read_only(x[i]), read_only(u[i]), k, x[i + 1])
+                failure = make_step(self, read_only(x[i]), read_only(u[i]), k, x[i + 1])
                 if failure is not None:
                     return Rollout(x[: i + 1], u[:i], i, failure)
                 continue
             x[i + 1, :size], x[i + 1, size:] = states[ORDER].ravel(), u[i]
         return Rollout(x, u, stop - start)
 
-    def step_each(self, x: Array, u: Array) -> Rollout:
+    def own_step_each(self, x: Array, u: Array) -> Rollout:
         """Make every piece of a curve from its own state, each found from where the curve has it."""
         nx, ends = self.system.nx, np.empty((self.N, self.nx))
         states = self.layout.points(x[1:])[0]
@@ -113,7 +115,7 @@ class CollocationSystem(DiscreteSystem):
                 with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                     found = self._solve(x[k, :nx], inputs, k, states[k], matrix)
             except StepError:
-                failure = self._make_step(read_only(x[k]), read_only(u[k]), k, ends[k])
+                failure = make_step(self, read_only(x[k]), read_only(u[k]), k, ends[k])
                 if failure is not None:
                     return Rollout(ends[:k], u[:k], k, failure)
                 continue
@@ -133,9 +135,10 @@ class CollocationSystem(DiscreteSystem):
             return begin
         reference = np.ascontiguousarray(xbar[begin : pieces.stop + 1]), np.ascontiguousarray(ubar[rest])
         try:
-            return begin + self.system.roll_out_pieces(
-                self.mesh.h[rest], MATRIX, reference, np.ascontiguousarray(K[rest]), x[here], u[here]
+            done = self.system.roll_out_pieces(
+                self.mesh.h[rest], self.mesh.t[rest], MATRIX, reference, np.ascontiguousarray(K[rest]), x[here], u[here]
             )
+            return begin + (done or 0)
         except (LeastActionError, ArithmeticError):
             return begin  # what says why is asked for one piece
 
@@ -218,11 +221,11 @@ class CollocationSystem(DiscreteSystem):
         part = CollocationSystem(self.system, RadauMesh(self.mesh.breaks[k : k + 2]))
         return part.linearize(np.stack([x, self.f(x, u, k)]), u[None, :])
 
-    def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:  # noqa: ARG002
+    def own_linearize(self, x: Array, u: Array, out: Linearization | None) -> Linearization:  # noqa: ARG002
         """Return the derivatives of every piece, by the implicit function theorem."""
         return self._in_charts(self._linearized(*self.points(x, u)), x[:-1], x[1:])
 
-    def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
+    def own_linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
         found = self._linearized(self.layout.points(ends)[0], u.reshape(self.N, STAGES, -1))
         return self._in_charts(found, x[: self.N], ends)
 

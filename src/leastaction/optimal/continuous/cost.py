@@ -14,6 +14,7 @@ from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.public import public
 from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
+from leastaction.optimal.continuous.final_term import FinalTerm, QuadraticFinalTerm
 from leastaction.optimal.cost import check_weight, deviations, matrix_of, owned_row, weigh
 from leastaction.optimal.space import StateSpace, bent_by_numbers, by_numbers
 from leastaction.optimal.system import System, space_of
@@ -61,13 +62,20 @@ class ContinuousCost(ABC):
     jumps: Sequence[float] = ()
     """Times (s) where the rate or its slope jumps with time, if it does."""
 
+    final_term: FinalTerm | None = None
+    """What the last state costs; a cost may also say so by `final_value`, `final_gradient` and `final_hessian`."""
+
     @abstractmethod
     def rate(self, x: Array, u: Array, t: float) -> float:
         """Return ``l(x, u, t)``."""
 
     def rates(self, x: Array, u: Array, t: Array) -> Array:
         """Return the rates (n,) at ``x`` (n, nx), ``u`` (n, nu), ``t`` (n,)."""
-        return np.array([self.rate(*at) for at in zip(x, u, t.tolist(), strict=True)])
+        found = self.own_rates(x, u, t)
+        return np.array([self.rate(*at) for at in zip(x, u, t.tolist(), strict=True)]) if found is None else found
+
+    def own_rates(self, x: Array, u: Array, t: Array) -> Array | None:
+        """Return the rates at once; None of a cost that has no such way."""
 
     @abstractmethod
     def gradient(self, x: Array, u: Array, t: Array) -> RateGradient:
@@ -77,30 +85,34 @@ class ContinuousCost(ABC):
     def hessian(self, x: Array, u: Array, t: Array) -> RateHessian:
         """Return the second derivatives of the rate at ``x`` (n, nx), ``u`` (n, nu), ``t`` (n,)."""
 
-    def final_value(self, x: Array, t: float) -> float:  # noqa: ARG002
-        """Return ``m(x, tf)`` for the last state (nx,); zero unless overridden."""
-        return 0.0
+    def final_value(self, x: Array, t: float) -> float:
+        """Return ``m(x, tf)`` for the last state (nx,); zero where there is no `final_term`."""
+        return 0.0 if self.final_term is None else self.final_term.value(x, t)
 
-    def final_gradient(self, x: Array, t: float) -> Array:  # noqa: ARG002
+    def final_gradient(self, x: Array, t: float) -> Array:
         """Return ``dm/dx`` (nx,)."""
-        return np.zeros_like(x)
+        return np.zeros_like(x) if self.final_term is None else self.final_term.gradient(x, t)
 
-    def final_hessian(self, x: Array, t: float) -> Array:  # noqa: ARG002
+    def final_hessian(self, x: Array, t: float) -> Array:
         """Return ``d2m/dx2`` (nx, nx)."""
-        return np.zeros((x.size, x.size))
+        return np.zeros((x.size, x.size)) if self.final_term is None else self.final_term.hessian(x, t)
 
     def convex_hessian(self, x: Array, u: Array, t: Array) -> RateHessian:
-        """Return second derivatives of the rate for models that hold far from a minimum; what bends downwards is cut.
+        """Return second derivatives of the rate, for quadratic models that hold far from a minimum.
 
-        Those of `hessian` unless overridden.
+        Those of `own_convex_hessian`, else of `hessian`; the optimiser leaves out negative eigenvalues.
         """
-        return self.hessian(x, u, t)
+        found = self.own_convex_hessian(x, u, t)
+        return self.hessian(x, u, t) if found is None else found
+
+    def own_convex_hessian(self, x: Array, u: Array, t: Array) -> RateHessian | None:
+        """Return second derivatives of the cost's own for that, as Gauss and Newton's; None if it has none."""
 
     def convex_final_hessian(self, x: Array, t: float) -> Array:
         """Return the same of the final term (nx, nx)."""
-        return self.final_hessian(x, t)
+        return self.final_hessian(x, t) if self.final_term is None else self.final_term.convex_hessian(x, t)
 
-    def check(self, t0: float, tf: float, nx: int, nu: int) -> None:  # noqa: B027
+    def check(self, t0: float, tf: float, nx: int, nu: int) -> None:
         """Complain if the cost is not for nx states and nu inputs over ``[t0, tf]``; optional."""
 
 
@@ -164,6 +176,7 @@ class ContinuousQuadraticCost(ContinuousCost):
                 _check(weight.at(0.0), weight.name, definite=definite)
         if self.Q_final is not None:
             _check(self.Q_final, "Q_final", definite=False)
+            self.final_term = QuadraticFinalTerm(self.space, self.Q_final, self.x_wanted, self.x_final)
         signals = (self.x_wanted, self.u_wanted, self.Q, self.R)
         given = as_array(list(jumps), "jumps").ravel().tolist()
         self.jumps = tuple(sorted({*given, *(t for s in signals for t in s.jumps)}))
@@ -189,7 +202,7 @@ class ContinuousQuadraticCost(ContinuousCost):
         weighed = dx @ (Q * dx if Q.ndim == 1 else Q @ dx) + du @ (R * du if R.ndim == 1 else R @ du)
         return 0.5 * float(weighed)
 
-    def rates(self, x: Array, u: Array, t: Array) -> Array:
+    def own_rates(self, x: Array, u: Array, t: Array) -> Array:
         dx, du = self._off(x, self.x_wanted.samples(t)), u - self.u_wanted.samples(t)
         weighed = weigh(_as_stages(self.Q.samples(t)), dx), weigh(_as_stages(self.R.samples(t)), du)
         return np.asarray(0.5 * (np.sum(dx * weighed[0], axis=1) + np.sum(du * weighed[1], axis=1)))
@@ -210,51 +223,16 @@ class ContinuousQuadraticCost(ContinuousCost):
         bent = bent_by_numbers(self.space, x, found.gradient, found.squares + found.bend)
         return RateHessian(bent, matrix_of(R), None)
 
-    def convex_hessian(self, x: Array, u: Array, t: Array) -> RateHessian:
+    def own_convex_hessian(self, x: Array, u: Array, t: Array) -> RateHessian | None:  # noqa: ARG002
         if self.space is None:
-            return self.hessian(x, u, t)
+            return None  # as it is
         Q, R = (_as_stages(weight.samples(t)) for weight in (self.Q, self.R))
         found = deviations(self.space, Q, x, self.x_wanted.samples(t))
         bent = bent_by_numbers(self.space, x, np.zeros_like(found.gradient), found.squares)
         return RateHessian(bent, matrix_of(R), None)
 
-    def convex_final_hessian(self, x: Array, t: float) -> Array:
-        if self.space is None or self.Q_final is None:
-            return self.final_hessian(x, t)
-        found = deviations(self.space, self.Q_final, x[None], self._wanted_last(t)[None])
-        return np.asarray(bent_by_numbers(self.space, x[None], np.zeros_like(found.gradient), found.squares)[0])
-
-    def final_value(self, x: Array, t: float) -> float:
-        if self.Q_final is None:
-            return 0.0
-        off = self._off(x, self._wanted_last(t))
-        return 0.5 * float(off @ weigh(self.Q_final, off[None])[0])
-
-    def final_gradient(self, x: Array, t: float) -> Array:
-        if self.Q_final is None:
-            return np.zeros(x.size)
-        if self.space is None:
-            result: Array = self.final_hessian(x, t) @ self._off(x, self._wanted_last(t))
-            return result
-        off = deviations(self.space, self.Q_final, x[None], self._wanted_last(t)[None])
-        return np.asarray(by_numbers(self.space, x[None], off.gradient[:, None])[0, 0])
-
-    def final_hessian(self, x: Array, t: float) -> Array:
-        if self.Q_final is None:
-            return np.zeros((x.size, x.size))
-        if self.space is None:
-            return matrix_of(self.Q_final)
-        found = deviations(self.space, self.Q_final, x[None], self._wanted_last(t)[None])
-        return np.asarray(bent_by_numbers(self.space, x[None], found.gradient, found.squares + found.bend)[0])
-
     def _off(self, x: Array, wanted: Array) -> Array:
         return x - wanted if self.space is None else self.space.difference(x, wanted)
-
-    def _wanted_last(self, t: float) -> Array:
-        if self.x_final is not None:
-            return self.x_final
-        # The wanted motion may jump at the end: what holds until then counts.
-        return self.x_wanted.at(float(np.nextafter(t, -np.inf)))
 
 
 def _as_stages(weight: Array) -> Array:

@@ -111,7 +111,5 @@ class FunctionContinuousSystem(ContinuousSystem):
     def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:
         return self._functions.derivatives(x, u, t)
 
-    def curvature(self, x: Array, u: Array, t: float, z: Array) -> Array:
-        if not self.has_curvature:
-            return super().curvature(x, u, t, z)
-        return self._functions.curvature(x, u, t, z)
+    def curvature(self, x: Array, u: Array, t: float, z: Array) -> Array | None:
+        return self._functions.curvature(x, u, t, z) if self.has_curvature else None

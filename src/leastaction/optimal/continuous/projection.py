@@ -21,6 +21,7 @@ from leastaction.optimal.continuous.integrate import integrate
 from leastaction.optimal.continuous.own_projection import feedback_of
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
+from leastaction.optimal.system import second_derivative
 
 
 @public
@@ -270,7 +271,7 @@ class _Bent(ContinuousSystem):
         A, B = self.derivatives(x, u, t)
         here, one, other = self._trajectory.xu.flat(t), *(motion.xu.flat(t) for motion in self._motions)
         each = np.eye(self.nx)
-        bent = [one @ self._system.curvature(here[: self.nx], here[self.nx :], t, e) @ other for e in each]
+        bent = [one @ second_derivative(self._system, here[: self.nx], here[self.nx :], t, e) @ other for e in each]
         return np.asarray(A @ x + B @ u + np.array(bent))
 
     def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:  # noqa: ARG002

@@ -155,6 +155,26 @@ class DenseTrajectory:
         return values[..., : self.nx], values[..., self.nx :]
 
 
+@dataclass(frozen=True)
+class OverTime:
+    """An optimised trajectory as a function of time, and how it was integrated.
+
+    Attributes
+    ----------
+    dense : DenseTrajectory
+        The states and inputs.
+    accuracy : Accuracy
+        How the run integrated.
+    jumps : tuple of float
+        Times (s) where integrations start anew: those of the system, of the cost, and of the curve that
+        the optimisation began with.
+    """
+
+    dense: DenseTrajectory
+    accuracy: Accuracy
+    jumps: tuple[float, ...]
+
+
 @public
 @dataclass(frozen=True)
 class ContinuousOptimizationResult(OptimizationResult):
@@ -167,25 +187,34 @@ class ContinuousOptimizationResult(OptimizationResult):
     ----------
     t : ndarray (n+1,)
         Times of the samples (s): the ends of the trajectory's pieces.
-    dense : DenseTrajectory
-        The states and inputs as functions of time.
     feedback : PiecewisePolynomial
         Gains (nu, nx) about it as a function of time, ``u = u_opt - K (x - x_opt)``.
     projection : PiecewisePolynomial
         The gains by which the trajectory was reached. Resuming needs them to go on exactly.
-    accuracy : Accuracy
-        How the run integrated.
-    jumps : tuple of float
-        Times (s) where integrations start anew: those of the system, of the cost, and of the curve that
-        the optimisation began with.
+    over_time : OverTime
+        The trajectory as a function of time, how it was integrated, and where that starts anew: `dense`, `accuracy` and
+        `jumps` of the result.
     """
 
     t: Array
-    dense: DenseTrajectory
     feedback: PiecewisePolynomial
     projection: PiecewisePolynomial
-    accuracy: Accuracy
-    jumps: tuple[float, ...]
+    over_time: OverTime
 
-    def dataset(self) -> Dataset:
+    @property
+    def dense(self) -> DenseTrajectory:
+        """The states and inputs as functions of time."""
+        return self.over_time.dense
+
+    @property
+    def accuracy(self) -> Accuracy:
+        """How the run integrated."""
+        return self.over_time.accuracy
+
+    @property
+    def jumps(self) -> tuple[float, ...]:
+        """Times (s) where integrations start anew."""
+        return self.over_time.jumps
+
+    def own_dataset(self) -> Dataset:
         return dataset_of(self, ContinuousContent.of(self), steps=TIME, prefix="common.")

@@ -137,7 +137,7 @@ def controllability(
 
     Notes
     -----
-    Where a mechanism has constraints, only directions that keep them are asked for. Multipliers in the state are left
+    Where a mechanism has constraints, only directions that keep them count. Multipliers in the state are left
     out: they follow the rest.
     """
     check_system(system, (DiscreteSystem,), ("nx", "nu", "N"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from copy import copy
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -74,19 +74,32 @@ class Cost(ABC):
         """Return the second derivatives along ``x`` (N+1, nx), ``u`` (N, nu)."""
 
     def convex_hessian(self, x: Array, u: Array) -> CostHessian:
-        """Return second derivatives without what bends downwards: those of models that hold far from a minimum.
+        """Return positive semidefinite second derivatives, for quadratic models that hold far from a minimum.
 
-        What is semidefinite by itself is to be returned as it is; else each stage's eigenvalues below zero count as
-        zero. A cost that is a sum of squares does better with Gauss and Newton's.
+        Those of `own_convex_hessian`; else each stage's negative eigenvalues count as zero.
         """
-        return convex(self.hessian(x, u))
+        found = self.own_convex_hessian(x, u)
+        if found is None:
+            parts = self.own_model_hessian(x, u, convex=True)
+            found = convex(self.hessian(x, u)) if parts is None else parts.whole()
+        return found
+
+    def own_convex_hessian(self, x: Array, u: Array) -> CostHessian | None:
+        """Return positive semidefinite second derivatives of the cost's own, such as Gauss and Newton's.
+
+        None of a cost that has none; of one that is convex, all of them.
+        """
 
     def model_hessian(self, x: Array, u: Array, *, convex: bool) -> ModelHessian:
-        """Return the same for the optimiser's models, where the cost knows which few entries some of it is by.
+        """Return the second derivatives as the optimiser's models take them.
 
-        ``convex``: as `convex_hessian`, else as `hessian`. Optional: it spares a whole matrix for each stage.
+        ``convex``: those of `convex_hessian`, else those of `hessian`.
         """
-        return ModelHessian.of((self.convex_hessian if convex else self.hessian)(x, u))
+        found = self.own_model_hessian(x, u, convex=convex)
+        return ModelHessian.of((self.convex_hessian if convex else self.hessian)(x, u)) if found is None else found
+
+    def own_model_hessian(self, x: Array, u: Array, *, convex: bool) -> ModelHessian | None:
+        """Return the same with a part by a few entries of the state, which spares a whole matrix for each stage."""
 
     def value(self, x: Array, u: Array) -> float:
         """Return the cost of ``x`` (N+1, nx), ``u`` (N, nu)."""
@@ -98,38 +111,45 @@ class Cost(ABC):
         At the end of the horizon the last state costs what it does there, before that what it costs as the state of
         stage `stop`, with inputs of zero.
         """
-        return WindowCost(self, start, stop, N=N, nu=nu)
+        found = self.own_window(start, stop, N=N, nu=nu)
+        return WindowCost(self, start, stop, N=N, nu=nu) if found is None else found
 
-    def check_shapes(self, N: int, nx: int, nu: int) -> None:  # noqa: B027
+    def own_window(self, start: int, stop: int, *, N: int, nu: int) -> Cost | None:
+        """Return the same as a cost that evaluates no other stages; None where there is no such."""
+
+    def check_shapes(self, N: int, nx: int, nu: int) -> None:
         """Complain if the cost is not for N steps of nx states and nu inputs; optional."""
 
-    def over(self, N: int) -> Cost:  # noqa: ARG002 - overridden
-        """Return the cost of N steps, where it is for any number of them; itself by default."""
-        return self
+    def over(self, N: int) -> Cost:
+        """Return the cost of N steps, where it is for any number of them; else itself."""
+        found = self.own_over(N)
+        return self if found is None else found
+
+    def own_over(self, N: int) -> Cost | None:
+        """Return the cost of N steps; None of a cost that is for a number of steps already."""
 
     @property
     def wanted_states(self) -> Array | None:
-        """The motion (N+1, nx) that it asks for, if there is one: `optimize` may look for gaps to close from there."""
-        return None
+        """The wanted motion (N+1, nx); None if there is none.
 
-    def remembering(self, system: Any) -> Cost:
-        """Return it as a cost of states that hold what it `needs`: those of a given system, made of its own."""
-        raise NotImplementedError(f"{type(self).__name__} needs {self.needs} and does not say how: `remembering`")
+        `optimize` may begin there with gaps between the steps (multiple shooting).
+        """
 
-    def misfit(self, x: Array) -> float | None:  # noqa: ARG002
+    def remembering(self, system: Any) -> Cost | None:
+        """Return a cost that `needs` something as one of the states of a given system, which hold that."""
+
+    def misfit(self, x: Array) -> float | None:
         """Return by how much states (N+1, nx) miss what is wanted, where weights are one over the variances of noise.
 
-        Its root mean square, in standard deviations; None of a cost that says nothing of it, as here.
+        Its root mean square, in standard deviations; None where weights mean something else.
         """
-        return None
 
-    def eased(self, ease: float) -> tuple[Cost, Array] | None:  # noqa: ARG002
+    def eased(self, ease: float) -> tuple[Cost, Array] | None:
         """Return a cost that is easier to begin with, and the inputs (N, nu) that cost least; None if there is none.
 
         Its inputs are dearer by the factor `ease`, and its end cheaper, so that the larger the factor, the closer its
-        minimum is to the motion under those inputs. `optimize` begins again with it where it would be stuck otherwise.
+        minimum is to the motion under those inputs. `optimize` begins again with it where a search ends at no minimum.
         """
-        return None
 
 
 def convex(hessian: CostHessian) -> CostHessian:
@@ -235,10 +255,9 @@ class QuadraticCost(Cost):
         self.u_wanted = np.broadcast_to(self.u_wanted, (N, self.u_wanted.shape[-1]))
         self._steps = N
 
-    def over(self, N: int) -> Cost:
-        """Return the cost of N steps; itself where it is for a number of steps already."""
+    def own_over(self, N: int) -> Cost | None:
         if self._steps is not None:
-            return self
+            return None
         found = copy(self)
         found._spread_over(N)
         return found
@@ -285,9 +304,9 @@ class QuadraticCost(Cost):
         stages, last = self._deviations(self.space, x)
         return CostHessian(stages.squares + stages.bend, self.R, None, (last.squares + last.bend)[0])
 
-    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+    def own_convex_hessian(self, x: Array, u: Array) -> CostHessian | None:
         if type(self) is not QuadraticCost:
-            return super().convex_hessian(x, u)
+            return None
         if self.space is None:
             return self.hessian(x, u)
         stages, last = self._deviations(self.space, x)
@@ -325,13 +344,13 @@ class QuadraticCost(Cost):
     def eased(self, ease: float) -> tuple[Cost, Array] | None:
         """Return the cost with R times `ease` and Q_final over its root, and the wanted inputs; see `Cost`."""
         if type(self) is not QuadraticCost:
-            return super().eased(ease)
+            return None
         weights = {"Q": self.Q, "R": ease * self.R, "Q_final": self.Q_final / np.sqrt(ease)}
         return QuadraticCost(self.x_wanted, self.u_wanted, **weights, space=self.space), self.u_wanted
 
-    def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
+    def own_window(self, start: int, stop: int, *, N: int, nu: int) -> Cost | None:
         if type(self) is not QuadraticCost:
-            return super().window(start, stop, N=N, nu=nu)
+            return None
         check_window(start, stop, N)
         self.check_shapes(N, self.x_wanted.shape[-1], nu)
         if self._steps is None:
@@ -350,7 +369,7 @@ class QuadraticCost(Cost):
 class AddedCost(Cost):
     """Another cost and a price of something beside it; as fit for several threads as the other cost.
 
-    What the price changes nothing of is the other cost's.
+    What the price changes nothing of is the other cost's. Subclasses say the prices and their derivatives.
 
     Parameters
     ----------
@@ -363,6 +382,9 @@ class AddedCost(Cost):
     """
 
     __getstate__, __setstate__ = saved_state, restore_state
+
+    can_be_eased: ClassVar[bool] = True
+    """Whether the same price beside an easier cost leads to a motion from which this cost can be minimised."""
 
     def __init__(self, cost: Cost, what: str, sizes: tuple[int, int, int]) -> None:
         self.cost, self.nonnegative = cost.over(sizes[0]), cost.nonnegative
@@ -377,8 +399,19 @@ class AddedCost(Cost):
             )
         self.cost.check_shapes(N, nx, nu)
 
+    def stage_prices(self, x: Array, u: Array, start: int) -> Array | None:
+        """Return the prices (n,) of stages, if they have some; arguments as of `stage_values`."""
+
+    def final_price(self, x: Array) -> float | None:
+        """Return the price of the last state (nx,), if it has one."""
+
+    def stage_values(self, x: Array, u: Array, start: int) -> Array:
+        values, prices = self.cost.stage_values(x, u, start), self.stage_prices(x, u, start)
+        return values if prices is None else np.asarray(values + prices)
+
     def final_value(self, x: Array) -> float:
-        return self.cost.final_value(x)
+        value, price = self.cost.final_value(x), self.final_price(x)
+        return value if price is None else value + price
 
     @property
     def wanted_states(self) -> Array | None:
@@ -386,13 +419,19 @@ class AddedCost(Cost):
 
     def eased(self, ease: float) -> tuple[Cost, Array] | None:
         """Return the other cost eased, with the same price; see `Cost`."""
-        found = self.cost.eased(ease)
+        found = self.cost.eased(ease) if self.can_be_eased else None
         return None if found is None else (self._beside(found[0]), found[1])
 
     def remembering(self, system: Any) -> Cost:
+        found = self.own_remembering(system)
+        if found is not None:
+            return found
         other = self._beside(system.cost_of(self.cost))
         other.needs = ()
         return other
+
+    def own_remembering(self, system: Any) -> Cost | None:
+        """Return the same, where the price is what needs something; None where only the other cost does."""
 
     def _beside(self, cost: Cost, N: int | None = None) -> Self:
         """Return the same price beside another cost, of N steps where it is of others."""
@@ -450,7 +489,7 @@ class WindowCost(Cost):
     def hessian(self, x: Array, u: Array) -> CostHessian:
         return self._part(self.cost.hessian(*self._whole(x, u)))
 
-    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+    def own_convex_hessian(self, x: Array, u: Array) -> CostHessian:
         return self._part(self.cost.convex_hessian(*self._whole(x, u)))
 
     def _part(self, whole: CostHessian) -> CostHessian:

@@ -84,7 +84,7 @@ def minimise_model(
     try:
         return recursion(A, B, workspace, **problem)
     except (AttributeError, TypeError, ValueError):
-        # A cost of the user's may give what the core does not take: that is made an array, or told.
+        # A cost of the user's may return what the core does not take: it is made an array, or an error names it.
         return solve_linear_quadratic(A, B, workspace=workspace, **problem)
 
 

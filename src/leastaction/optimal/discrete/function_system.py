@@ -17,7 +17,7 @@ from leastaction.optimal.discrete.chart_functions import ChartFunctions
 from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.functions import Curvature, Derivatives, Functions
 from leastaction.optimal.space import StateSpace
-from leastaction.optimal.system import Linearization, sizes_of
+from leastaction.optimal.system import Linearization, keeps, sizes_of
 
 StepFunction = Callable[[Any, Any, int], Any]
 
@@ -74,13 +74,10 @@ class LinearSystem(DiscreteSystem):
     def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:  # noqa: ARG002
         return np.zeros((self.nx + self.nu, self.nx + self.nu))
 
-    def linearize(
-        self,
-        x: Array,  # noqa: ARG002
-        u: Array,  # noqa: ARG002
-        out: Linearization | None = None,  # noqa: ARG002
-    ) -> Linearization:
-        """Return A and B; not a copy."""
+    def own_linearize(self, x: Array, u: Array, out: Linearization | None) -> Linearization | None:  # noqa: ARG002
+        """Return A and B, not a copy; None of a subclass with other derivatives."""
+        if not keeps(self, LinearSystem, "derivatives"):
+            return None
         return Linearization(self._A, self._B, self._no_curvature)
 
     def _no_curvature(self, z: Array) -> Array:  # noqa: ARG002
@@ -146,7 +143,5 @@ class FunctionSystem(DiscreteSystem):
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
         return self._functions.derivatives(x, u, k)
 
-    def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
-        if not self.has_curvature:
-            return super().curvature(x, u, k, z)
-        return self._functions.curvature(x, u, k, z)
+    def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array | None:
+        return self._functions.curvature(x, u, k, z) if self.has_curvature else None

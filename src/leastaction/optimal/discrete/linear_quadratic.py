@@ -69,7 +69,7 @@ class LinearQuadraticSolution:
     P0 : ndarray (nx, nx)
         Quadratic term of the optimal cost at ``k = 0``.
     P : ndarray (N+1, nx, nx) or None
-        The same at every k, if asked for.
+        The same at every k, with `keep_P`.
     factors : ndarray (N, nu, nu) or None
         Then too: the Cholesky factors L of ``R + B'PB``, lower triangles.
     constant : float

@@ -16,7 +16,8 @@ import numpy as np
 from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.public import public
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
+from leastaction.optimal.discrete.rollout import Rollout
+from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.system import Linearization
 
 

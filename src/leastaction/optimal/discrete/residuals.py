@@ -74,7 +74,7 @@ class GaussNewton(Cost):
         Q, R, S = (np.ascontiguousarray(part) for part in (H[:, :nx, :nx], H[:, nx:, nx:], H[:, :nx, nx:]))
         return CostHessian(Q, R, S, last.T @ last)
 
-    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+    def own_convex_hessian(self, x: Array, u: Array) -> CostHessian:
         """Return all of it, which is convex; see `Cost`."""
         return self.hessian(x, u)
 

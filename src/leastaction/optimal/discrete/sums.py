@@ -57,11 +57,11 @@ class CostSum(Cost):
     def hessian(self, x: Array, u: Array) -> CostHessian:
         return _added([each.hessian(x, u) for each in self.costs])
 
-    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+    def own_convex_hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the sum of the convex parts; see `Cost`."""
         return _added([each.convex_hessian(x, u) for each in self.costs])
 
-    def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
+    def own_window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
         return CostSum([each.window(start, stop, N=N, nu=nu) for each in self.costs])
 
     def remembering(self, system: Any) -> Cost:

@@ -1,63 +1,28 @@
 """The discrete system ``x+ = f(x, u, k)``: all that the optimiser knows of what it steers.
 
-Three methods of one step are enough to define a system. The methods over whole trajectories loop over
-them; a system with a faster way (compiled, parallel over time) overrides those.
+Three methods of one step are enough to define a system. Methods over whole trajectories make one step after the other,
+unless the system has a faster way (compiled, parallel over time): each asks a method that begins with ``own_`` first.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property, partial
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from leastaction.errors import ArgumentError, StepError
-from leastaction.numerics.arrays import Array, as_array, read_only, shape_of
+from leastaction.errors import ArgumentError
+from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.numerics.pool import copied
 from leastaction.numerics.public import public
-from leastaction.numerics.step_quality import StepQuality
+from leastaction.optimal.discrete import step_by_step
+from leastaction.optimal.discrete.rollout import Rollout
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.looking_back import InputRates
 from leastaction.optimal.quantity import Entries, Later, Quantity
-from leastaction.optimal.system import FINAL_TIME, Linearization, System
-
-
-@public
-@dataclass(frozen=True)
-class Rollout:
-    """A trajectory, or the part of it up to the step that failed. Threads may share it.
-
-    Attributes
-    ----------
-    x : ndarray (steps_done + 1, nx)
-        States, the first one is where the roll-out started.
-    u : ndarray (steps_done, nu)
-        Inputs that were applied.
-    steps_done : int
-        Number of steps that succeeded.
-    failure : str or None
-        Why the roll-out ended early; None if it did not.
-    worst_step : StepQuality or None
-        The coarsest step, which may be the one that failed; None where the system does not know.
-    worst_at : int or None
-        Which step of the horizon that is.
-    """
-
-    x: Array
-    u: Array
-    steps_done: int
-    failure: str | None = None
-    worst_step: StepQuality | None = None
-    worst_at: int | None = None
-
-    @property
-    def complete(self) -> bool:
-        """Whether every step succeeded."""
-        return self.failure is None
+from leastaction.optimal.system import FINAL_TIME, Linearization, System, keeps, missing_unless
 
 
 class DiscreteSystem(System):
@@ -70,8 +35,6 @@ class DiscreteSystem(System):
     """Number of steps of the horizon."""
     numbered = True
     """Limits may name instants by their index."""
-    beside: Mapping[str, str] = MappingProxyType({})
-    """Kinds of quantities that know names which another kind does not, by that kind."""
 
     @abstractmethod
     def f(self, x: Array, u: Array, k: int) -> Array:
@@ -99,95 +62,62 @@ class DiscreteSystem(System):
             States at ``start .. stop``. A step that fails, or a state that is not finite, ends it
             with a reason; it is not an exception.
         """
-        x = np.empty((stop - start + 1, self.nx))
-        u = np.empty((stop - start, self.nu))
-        x[0] = x0
-        # What users' functions are given cannot be written to.
-        states, inputs = read_only(x), read_only(u)
-        for i, k in enumerate(range(start, stop)):
-            u[i] = ubar[k] - K[k] @ self.difference(states[i], xbar[k])
-            failure = self._make_step(states[i], inputs[i], k, x[i + 1])
-            if failure is not None:
-                return Rollout(x[: i + 1], u[:i], i, failure)
-        return Rollout(x, u, stop - start)
+        found = self.own_rollout(x0, xbar, ubar, K, start, stop)
+        return step_by_step.rollout(self, x0, xbar, ubar, K, start, stop) if found is None else found
 
-    def _make_step(self, x: Array, u: Array, k: int, end: Array) -> str | None:
-        """Write the next state to `end`; return why there is none, an outcome and no exception here."""
-        try:
-            # A diverging trial leaves the range of doubles.
-            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                found = self.f(x, u, k)
-        except (StepError, ArithmeticError) as error:
-            return f"step {k}: {error}"
-        try:
-            if found is None:  # which NumPy would take for no number
-                raise TypeError
-            end[:] = found
-        except (TypeError, ValueError, OverflowError):
-            raise ArgumentError(
-                f"{type(self).__name__}.f: got {_shown(found)} for step {k}, expected the next state, ({self.nx},)"
-            ) from None
-        return None if np.isfinite(end).all() else f"step {k}: the state is not finite"
+    def own_rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout | None:
+        """Return the same by a faster way; None where there is none."""
 
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        return (*super().quantities, "input rate")
-
-    def quantity(self, kind: str) -> Quantity:
-        if kind == "input rate":
-            return InputRates(self.input_names, range(self.nu), self.times)
-        return super().quantity(kind)
+    def input_rates(self) -> Quantity:
+        return InputRates(self.input_names, range(self.nu), self.times)
 
     def when(self, k: int) -> str:
-        """Return how to speak of step k in messages; one that knows the time says it."""
-        return f"step {k}"
+        """Return step k in words, for messages."""
+        found = self.own_when(k)
+        return f"step {k}" if found is None else found
+
+    def own_when(self, k: int) -> str | None:
+        """Return the same of a system that knows the time, with the time."""
 
     def window(self, start: int, stop: int) -> DiscreteSystem:
-        """Return the steps ``start .. stop-1`` as a system of their own; one with a faster way overrides it."""
-        return WindowSystem(self, start, stop)
+        """Return the steps ``start .. stop-1`` as a system of their own."""
+        found = self.own_window(start, stop)
+        return WindowSystem(self, start, stop) if found is None else found
+
+    def own_window(self, start: int, stop: int) -> DiscreteSystem | None:
+        """Return the same without the other steps; None of a system that cannot leave them out."""
 
     def resolved_rates(self) -> tuple[tuple[str, ...], Array] | None:
         """Return names of quantities "rate", and the largest (N, 1) that the steps of time resolve.
 
-        None where nothing is known of that. `optimize` asks for no more where it is stuck at steps that are too coarse.
+        None where that is not known. `optimize` limits them where a search ends at steps that are too coarse.
         """
-        return None
 
     # ---- Parameters: what can be found together with a motion ---------------------------------------
 
-    def with_parameters(self, values: Mapping[str, float]) -> DiscreteSystem:
-        """Return the same system with other values of some parameters."""
-        raise NotImplementedError(f"{type(self).__name__} has no parameters: implement `with_parameters`.")
+    def with_parameters(self, values: Mapping[str, float]) -> DiscreteSystem | None:
+        """Return the same system with other values of some parameters; None of a system without."""
 
-    def with_parameters_near(self, values: Mapping[str, float]) -> DiscreteSystem:
-        """Return the same for values that are off by a little, for differences: as if all of them were possible."""
-        return self.with_parameters(values)
+    def with_parameters_near(self, values: Mapping[str, float]) -> DiscreteSystem | None:
+        """Return the same for differences, also of values that are not quite possible; None: as `with_parameters`."""
 
-    def differentiate_by(self, x: Array, u: Array, names: Sequence[str], start: int = 0) -> Array:
+    def differentiate_by(self, x: Array, u: Array, names: Sequence[str], start: int = 0) -> Array | None:
         """Return the derivatives (n, ndx, len(names)) of steps from `start` on along x (n+1, nx), u (n, nu)."""
-        raise NotImplementedError(f"{type(self).__name__} has no parameters: implement `differentiate_by`.")
 
     def curvature_by_parameters(
-        self,
-        x: Array,  # noqa: ARG002 - overridden, all of them
-        u: Array,  # noqa: ARG002
-        z: Array,  # noqa: ARG002
-        names: Sequence[str],  # noqa: ARG002
-        start: int = 0,  # noqa: ARG002
+        self, x: Array, u: Array, z: Array, names: Sequence[str], start: int = 0
     ) -> Array | None:
         """Return second derivatives of steps by some parameters and ``(x, u, these parameters)``, weighted with z.
 
         Of steps as in `curvature_by_final_time`: arrays (n+1, nx), (n, nu), (n, nx) of steps from `start` on, the
-        result (n, P, ndx + nu + P). None where the system has none, as here: they are differences then.
+        result (n, P, ndx + nu + P). None where the system has none: they are differences then.
         """
-        return None
 
-    def curvature_by_final_time(self, x: Array, u: Array, z: Array, start: int = 0) -> Array | None:  # noqa: ARG002
+    def curvature_by_final_time(self, x: Array, u: Array, z: Array, start: int = 0) -> Array | None:
         """Return the second derivatives (n, ndx + nu + 1, ndx + nu + 1) of ``z[k] . f`` by (x, u, the final time).
 
         Of the same steps as `differentiate_by`, z (n, nx). None where the system has no such derivatives.
         """
-        return None
 
     def linearize_by(
         self, x: Array, u: Array, names: Sequence[str], out: Linearization | None = None
@@ -196,12 +126,24 @@ class DiscreteSystem(System):
 
         ``out``: as of `linearize`.
         """
-        found = linearized(self, x, u, out)
-        return found, self.differentiate_by(x, u, names) if names else np.empty((self.N, self.ndx, 0))
+        found = self.own_linearize_by(x, u, names, out)
+        if found is None:
+            by = derivatives_by(self, x, u, names) if names else np.empty((self.N, self.ndx, 0))
+            found = linearized(self, x, u, out), by
+        return found
+
+    def own_linearize_by(
+        self, x: Array, u: Array, names: Sequence[str], out: Linearization | None
+    ) -> tuple[Linearization, Array] | None:
+        """Return both by a faster way; None where there is none."""
 
     def time(self, k: int) -> float:
         """Return the time of instant k; its index, of a system that knows no time."""
-        return float(k)
+        found = self.own_time(k)
+        return float(k) if found is None else found
+
+    def own_time(self, k: int) -> float | None:
+        """Return the time of instant k (s), of a system that knows it."""
 
     @property
     def times(self) -> Array:
@@ -239,23 +181,11 @@ class DiscreteSystem(System):
         out : Linearization, optional
             An earlier result of this system that is not needed any more: its memory is used again.
         """
-        if out is None:
-            N, ndx, nu = self.N, self.ndx, self.nu
-            A, B = np.empty((N, ndx, ndx)), np.empty((N, ndx, nu))
-        else:
-            A, B = out
-        x, u = read_only(x.copy()), read_only(u.copy())
-        for k in range(self.N):
-            found: Any = self.derivatives(x[k], u[k], k)
-            try:
-                A[k], B[k] = found
-            except (TypeError, ValueError, OverflowError):
-                got = " and ".join(map(_shown, found)) if isinstance(found, tuple) else _shown(found)
-                raise ArgumentError(
-                    f"{type(self).__name__}.derivatives: got {got} for step {k}, expected a pair (A, B) of shapes "
-                    f"{A.shape[1:]} and {B.shape[1:]}"
-                ) from None
-        return Linearization(A, B, partial(_second, self, x, u))
+        found = self.own_linearize(x, u, out)
+        return step_by_step.linearize(self, x, u, out, self._contracted) if found is None else found
+
+    def own_linearize(self, x: Array, u: Array, out: Linearization | None) -> Linearization | None:
+        """Return the same by a faster way; None where there is none."""
 
     def step_each(self, x: Array, u: Array) -> Rollout:
         """Make every step of a curve x (N+1, nx), u (N, nu) from its own state, whatever the next one is.
@@ -265,24 +195,19 @@ class DiscreteSystem(System):
         Rollout
             `x` (steps_done, nx) is where the steps lead to, up to the first that fails.
         """
-        ends = np.empty((self.N, self.nx))
-        states, inputs = read_only(x), read_only(u)
-        for k in range(self.N):
-            failure = self._make_step(states[k], inputs[k], k, ends[k])
-            if failure is not None:
-                return Rollout(ends[:k], u[:k], k, failure)
-        return Rollout(ends, u, self.N)
+        found = self.own_step_each(x, u)
+        return step_by_step.step_each(self, x, u) if found is None else found
 
-    def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:  # noqa: ARG002 - overridden
+    def own_step_each(self, x: Array, u: Array) -> Rollout | None:
+        """Return the same by a faster way; None where there is none."""
+
+    def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
         """Return the derivatives of every step of a curve, of which `ends` (N, nx) are known: as of `step_each`."""
-        x, u = x.copy(), u.copy()
-        nothing = np.zeros((1, self.ndx))
+        found = self.own_linearize_each(x, u, ends)
+        return step_by_step.linearize(self, x, u) if found is None else found
 
-        def second(z: Array) -> Array:
-            return DiscreteSystem.curvatures(self, x, u, np.concatenate([nothing, z]))
-
-        A, B = DiscreteSystem.linearize(self, x, u)
-        return Linearization(A, B, second)
+    def own_linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization | None:
+        """Return the same by a faster way; None where there is none."""
 
     def curvatures(self, x: Array, u: Array, z: Array) -> Array:
         """Return ``z[k+1] . D2f`` of every step, (N, ndx+nu, ndx+nu).
@@ -296,24 +221,40 @@ class DiscreteSystem(System):
         z : ndarray (N+1, ndx)
             Adjoint; step k is weighted with ``z[k+1]``.
         """
-        n = self.ndx + self.nu
-        H = np.empty((self.N, n, n))
-        x, u, z = read_only(x), read_only(u), read_only(z)
-        for k in range(self.N):
-            H[k] = self.curvature(x[k], u[k], k, z[k + 1])
-        return H
+        return step_by_step.curvatures(self, x, u, z[1:])
+
+    def _contracted(self, x: Array, u: Array, z: Array) -> Array:
+        """Return the second order of a `Linearization`; z (N, ndx), where an adjoint has a row more."""
+        return self.curvatures(x, u, np.concatenate([np.zeros((1, self.ndx)), z]))
+
+
+def with_parameters(system: DiscreteSystem, values: Mapping[str, float], *, near: bool = False) -> DiscreteSystem:
+    """Return `DiscreteSystem.with_parameters`, or `with_parameters_near`; complain where there is none."""
+    found = system.with_parameters_near(values) if near else None
+    return missing_unless(system.with_parameters(values) if found is None else found, system, "with_parameters")
+
+
+def derivatives_by(system: DiscreteSystem, x: Array, u: Array, names: Sequence[str], start: int = 0) -> Array:
+    """Return `DiscreteSystem.differentiate_by`; complain where there is none."""
+    return missing_unless(system.differentiate_by(x, u, names, start), system, "differentiate_by")
 
 
 def given_start(system: DiscreteSystem, initial: Any) -> tuple[Array, Array]:
-    """Return what was given to start from, or complain: x (N+1, nx) or an initial state (nx,), and u (N, nu).
+    """Return what was given to start from, or complain: x (N+1, nx) or an initial state, and u (N, nu) or one of (nu,).
 
     Copies, which nobody can write to.
     """
     x, u = pair_of(initial)
     space = system.charts()
     N, nx, nu = system.N, system.nx, system.nu
-    states = as_array(x, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
-    inputs = as_array(u, "initial u", (N, nu), meaning="(N, nu)")
+    found = system.own_state(x)
+    states = as_array(
+        x if found is None else found, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)",
+        names=system.state_names,
+    )  # fmt: skip
+    inputs = as_array(u, "initial u", (N, nu), (nu,), meaning="(N, nu) or a constant (nu,)", names=system.input_names)
+    if inputs.ndim == 1:
+        inputs = np.tile(inputs, (N, 1))
     if space is not None:
         space.check(states, "initial x")
     return read_only(copied(states)), read_only(copied(inputs))
@@ -333,57 +274,21 @@ def check_window(start: int, stop: int, N: int) -> None:
         )
 
 
-def _shown(given: object) -> str:
-    """Return the shape of what a user's function returned, for a message; its type where it has none."""
-    shape = None if given is None else shape_of(given)
-    return type(given).__name__ if shape is None else f"shape {shape}"
-
-
-def _second(system: DiscreteSystem, x: Array, u: Array, z: Array) -> Array:
-    """Return the second order of a `Linearization`; z (N, nx), where an adjoint has a row more."""
-    return system.curvatures(x, u, np.concatenate([np.zeros((1, system.ndx)), z]))
-
-
 def linearized(system: DiscreteSystem, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
     """Return `DiscreteSystem.linearize`, complete: where it brings no second order, the system's `curvatures`."""
     found: Any = system.linearize(x, u, out)  # a user's may be a bare pair
     if isinstance(found, Linearization) and found.second is not None:
         return found
     A, B = found
-    return Linearization(A, B, partial(_second, system, x, u))
-
-
-OVER_STEPS = frozenset(
-    {
-        "f", "derivatives", "curvature", "rollout", "step_each", "linearize", "linearize_each", "curvatures",
-        "linearize_by", "differentiate_by", "curvature_by_parameters", "curvature_by_final_time", "window", "when",
-        "time", "times", "span", "instant", "quantity", "parameters", "with_parameters", "with_parameters_near",
-        "resolved_rates", "told", "motion", "doubts", "dataset",
-    }
-)  # fmt: skip
-"""What a system is asked of its steps and instants: a system around another one has others, and answers itself."""
-
-
-def _forwarded(name: str) -> Any:
-    if isinstance(getattr(DiscreteSystem, name), (property, cached_property)) or not callable(
-        getattr(DiscreteSystem, name)
-    ):
-        return property(
-            lambda self: getattr(self.system, name), doc=f"That of the system: see `DiscreteSystem.{name}`."
-        )
-
-    def forward(self: Any, *arguments: Any, **options: Any) -> Any:
-        return getattr(self.system, name)(*arguments, **options)
-
-    forward.__name__, forward.__doc__ = name, f"Return what the system does: see `DiscreteSystem.{name}`."
-    return forward
+    return Linearization(A, B, partial(system._contracted, x, u))
 
 
 class SystemAround(DiscreteSystem):
-    """A system around another one of the same states and inputs: the base of those that change its steps only.
+    """A system around another one of the same states and inputs: the base of those that have other steps only.
 
-    All that the interface asks of states and inputs is the other system's answer, whatever a user's has of its own, and
-    so is what is no part of the interface. Only what is in `OVER_STEPS` a subclass answers itself, or as any system.
+    All that `System` says of states and inputs is the other system's answer, whatever a user's has of its own, but for
+    what a subclass says itself; and so is what is no part of the interface. What `DiscreteSystem` says of steps and
+    instants a subclass answers itself, or as any system.
 
     ``system``: the other one.
     """
@@ -392,15 +297,29 @@ class SystemAround(DiscreteSystem):
         self.system = system
         self.nx, self.nu, self.has_curvature = system.nx, system.nu, system.has_curvature
 
+    def __init_subclass__(cls) -> None:
+        said = {name for kind in cls.__mro__[: cls.__mro__.index(System)] for name in vars(kind)}
+        for name in vars(System):
+            if not said & {name, f"own_{name}"} and not name.startswith("_") and name != "has_curvature":
+                setattr(cls, name, _forwarded(name))
+
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name == "system":  # as while it is unpickled
             raise AttributeError(name)
         return getattr(self.system, name)
 
 
-for _name in dir(DiscreteSystem):
-    if not _name.startswith("_") and _name not in OVER_STEPS | {"nx", "nu", "N", "has_curvature"}:
-        setattr(SystemAround, _name, _forwarded(_name))
+def _forwarded(name: str) -> Any:
+    """Return what asks the other system for an attribute."""
+    kind = vars(System)[name]
+    if isinstance(kind, (property, cached_property)) or not callable(kind):
+        return property(lambda self: getattr(self.system, name), doc=f"That of the system: see `System.{name}`.")
+
+    def forward(self: Any, *arguments: Any, **options: Any) -> Any:
+        return getattr(self.system, name)(*arguments, **options)
+
+    forward.__name__, forward.__doc__ = name, f"Return what the system does: see `System.{name}`."
+    return forward
 
 
 @public
@@ -432,10 +351,10 @@ class WindowSystem(SystemAround):
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
         return self.system.derivatives(x, u, self.start + k)
 
-    def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
+    def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array | None:
         return self.system.curvature(x, u, self.start + k, z)
 
-    def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
+    def own_rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
         first, last = self.start + start, self.start + stop
         rows = slice(first, last)
         # The system takes rows of its whole horizon; only those of the window are read.
@@ -445,11 +364,11 @@ class WindowSystem(SystemAround):
         whole_u[rows], whole_K[rows] = ubar[start:stop], K[start:stop]
         return self.system.rollout(x0, whole_x, whole_u, whole_K, first, last)
 
-    def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
-        """Return the derivatives of every step; of a system with a way of its own, by that, over its whole horizon."""
+    def own_linearize(self, x: Array, u: Array, out: Linearization | None) -> Linearization | None:  # noqa: ARG002
+        """Return the derivatives of every step by a way of the system's own, over its whole horizon, if it has one."""
         system = self.system
-        if type(system).linearize is DiscreteSystem.linearize:
-            return super().linearize(x, u, out)
+        if keeps(system, DiscreteSystem, "linearize", "own_linearize"):
+            return None
         part, after = slice(self.start, self.start + self.N), system.N - self.start - self.N
         whole_x = np.concatenate([np.repeat(x[:1], self.start, axis=0), x, np.repeat(x[-1:], after, axis=0)])
         whole_u = np.concatenate([np.repeat(u[:1], self.start, axis=0), u, np.repeat(u[-1:], after, axis=0)])
@@ -465,7 +384,7 @@ class WindowSystem(SystemAround):
 
         return Linearization(A[part], B[part], None if second is None else bent)
 
-    def differentiate_by(self, x: Array, u: Array, names: Sequence[str], start: int = 0) -> Array:
+    def differentiate_by(self, x: Array, u: Array, names: Sequence[str], start: int = 0) -> Array | None:
         return self.system.differentiate_by(x, u, names, self.start + start)
 
     def curvature_by_parameters(
@@ -473,30 +392,30 @@ class WindowSystem(SystemAround):
     ) -> Array | None:
         return self.system.curvature_by_parameters(x, u, z, names, self.start + start)
 
-    # ---- What it is asked -------------------------------------------------------------------------
+    # ---- Names and quantities -------------------------------------------------------------------------
 
     @property
-    def parameters(self) -> Mapping[str, float]:
+    def parameters(self) -> Mapping[str, float]:  # type: ignore[override]
         """Those of the system, but for its final time: a window ends where it does."""
         return {name: value for name, value in self.system.parameters.items() if name != FINAL_TIME}
 
     def with_parameters(self, values: Mapping[str, float]) -> DiscreteSystem:
-        return WindowSystem(self.system.with_parameters(values), self.start, self.start + self.N)
+        return WindowSystem(with_parameters(self.system, values), self.start, self.start + self.N)
 
     def with_parameters_near(self, values: Mapping[str, float]) -> DiscreteSystem:
-        return WindowSystem(self.system.with_parameters_near(values), self.start, self.start + self.N)
+        return WindowSystem(with_parameters(self.system, values, near=True), self.start, self.start + self.N)
 
-    def when(self, k: int) -> str:
+    def own_when(self, k: int) -> str:
         return self.system.when(self.start + k)
 
-    def time(self, k: int) -> float:
+    def own_time(self, k: int) -> float:
         return self.system.time(self.start + k)
 
     def told(self) -> System | None:
         whole = self.system.told()
         return whole.window(self.start, self.start + self.N) if isinstance(whole, DiscreteSystem) else None
 
-    def quantity(self, kind: str) -> Quantity:
+    def own_quantity(self, kind: str, t: Array | None) -> Quantity:  # noqa: ARG002 - time goes in steps
         whole = self.system.quantity(kind)
         return whole if isinstance(whole, Entries) else Later(whole, self.start)
 

@@ -7,8 +7,8 @@ of them but for the dynamics' curvature, which is weighed with the problem's cos
 the dynamics (H. G. Bock and K. J. Plitt, A multiple shooting algorithm, 1984). No step is rolled out: what the motion
 after it would amplify opens a gap instead.
 
-How far to go is told by a filter (`gap_filter`). Where a full step opens gaps by the curvature of the dynamics, another
-one closes these before it is refused.
+How far to go is decided by a filter (`gap_filter`). Where a full step opens gaps by the curvature of the dynamics,
+another one closes these before it is refused.
 
 Once the gaps are closed, the curve is projected onto a trajectory, and the iteration goes on over trajectories: it is
 there that a minimum is certified.
@@ -26,29 +26,28 @@ from leastaction.optimal.discrete.linear_quadratic import Feedforward, LinearQua
 from leastaction.optimal.iterates.direction import AmongCurves, DiscreteDirection, Iterate
 from leastaction.optimal.iterates.gap_filter import Filter, OpenCurve
 from leastaction.optimal.iterates.models import Models, least_of
-from leastaction.optimal.iterates.steps import Steps
 from leastaction.optimal.iterates.trial import is_too_coarse
 from leastaction.optimal.line_search import Refusal, Trial
-from leastaction.optimal.loop import along_parabola
-from leastaction.optimal.memory import Gaps
+from leastaction.optimal.loop import Steps, along_parabola
 from leastaction.optimal.space import apart, moved_by
+from leastaction.optimal.state import Gaps
 
 Gapped = Literal["never", "where needed", "where left", "at once"]
 """When steps may have gaps: never; where the start cannot be projected, or a way begins with them; where its projection
 leaves it, too; from the start.
 """
 
-LONGEST_WITH_GAPS = 300  # iterations with gaps at the most
-_CLOSED = 1e-6  # gap, in parts of the states' sizes, below which it is closed after a full step
-_LOOSE = 1e-6  # part of the cost that is left to be gained where a stage with gaps is over
-_CORRECTIONS, _LEFT = 4, 0.99  # further steps that close the gaps of a full one; part of them that each may leave
+LONGEST_WITH_GAPS = 300  # most iterations with gaps
+_CLOSED = 1e-6  # largest gap, in parts of the states' sizes, that counts as closed after a full step
+_LOOSE = 1e-6  # expected decrease, in parts of the cost, at which a stage with gaps ends
+_CORRECTIONS, _LEFT = 4, 0.99  # most steps that close the gaps of a full one; largest ratio of gaps after each
 
 
-class CurveSteps(Steps):
+class CurveSteps(Steps[LinearQuadraticSolution, DiscreteDirection, Iterate]):
     """Steps from one curve with gaps to the next.
 
     ``size`` (ndx,): of the states, in which gaps are measured. ``longest``: iterations after which they are over.
-    ``penalty``: of the gaps, in what the loop is told.
+    ``penalty``: of the gaps, in the value that the loop gets.
     """
 
     def __init__(self, models: Models, size: Array, longest: int = LONGEST_WITH_GAPS) -> None:
@@ -75,8 +74,9 @@ class CurveSteps(Steps):
             shown = models.merit.cost.value(x, u)
         if not np.isfinite(shown):
             return Refusal("the cost is not finite")
-        theta = float(np.sum(np.abs(gaps) / self.size))
-        return OpenCurve(x, u, made.x, gaps, theta, shown + models.merit.guide(x, u), made.worst_step, shown)
+        off = np.abs(gaps) / self.size
+        theta, gap, guide = float(np.sum(off)), float(off.max()), models.merit.guide(x, u)
+        return OpenCurve(x, u, made.x, gaps, theta, gap, shown + guide, made.worst_step, shown)
 
     def begin(self, curve: OpenCurve) -> None:
         """Stand at a first curve, of whose multipliers nothing is known."""
@@ -97,14 +97,9 @@ class CurveSteps(Steps):
         return curve
 
     @property
-    def gap(self) -> float:
-        """The largest gap, in parts of the states' sizes."""
-        return float((np.abs(self.curve.gaps) / self.size).max())
-
-    @property
     def are_closed(self) -> bool:
         """Whether the gaps are."""
-        return self.gap <= _CLOSED
+        return self.curve.gap <= _CLOSED
 
     @property
     def longest_stage(self) -> int:
@@ -118,14 +113,15 @@ class CurveSteps(Steps):
     def unfinished(self, returned: str) -> str:
         """Return what is to be said of a run that ends so; ``returned``: what it returns."""
         k = int((np.abs(self.curve.gaps) / self.size).max(axis=1).argmax())
+        when = self.models.system.when(k)
         return (
-            f"Gaps are still open, the largest of {self.gap:.2g} of the states' size at {self.models.system.when(k)}: "
+            f"Gaps are still open, the largest of {self.curve.gap:.2g} of the states' size at {when}: "
             f"what is returned is {returned}."
         )
 
-    # ---- Memory -----------------------------------------------------------------------------------
+    # ---- State ------------------------------------------------------------------------------------
 
-    def memory(self) -> Gaps:
+    def state(self) -> Gaps:
         """Return what resuming needs of it."""
         here, costates = self.models.here, self.models.costates
         if costates is None:
@@ -145,7 +141,9 @@ class CurveSteps(Steps):
 
     # ---- Steps ------------------------------------------------------------------------------------
 
-    def direction(self, method: str, model: LinearQuadraticSolution, scale: float, shift: float) -> DiscreteDirection:
+    def direction(
+        self, method: str, model: LinearQuadraticSolution, scale: float, shift: float = 0.0
+    ) -> DiscreteDirection:
         """Return the direction of a model that has a minimum, and choose the penalty so that it is one of descent."""
         models, curve = self.models, self.curve
         dx0 = models.start_step(model)
@@ -162,20 +160,23 @@ class CurveSteps(Steps):
             self.penalty = 2.0 * rise / theta
             models.here.open(curve, self.penalty)
         slope = min(2.0 * (least - self.penalty * theta), -np.finfo(np.float64).tiny)
-        return DiscreteDirection(
+        found = DiscreteDirection(
             method, slope, scale, shift, gain=model.K, C=model.C, dx=dx, du=du, dx0=dx0,
             among=AmongCurves(costates, fall, least, model.P, model.factors),
         )  # fmt: skip
+        return models.merit.followed(found, models)
 
     def first_step(self, direction: DiscreteDirection, length: float) -> float:
         """Return how far to go at first: beyond a full step gaps would open again."""
-        return self.models.merit.first_step(direction, min(length, 1.0))
+        models = self.models
+        length = models.start.longest(direction.dx0, models.here.x[0], length)
+        return models.merit.first_step(direction, min(length, 1.0))
 
     def simulate(
         self,
         direction: DiscreteDirection,
         length: float,
-        bound: float,  # noqa: ARG002 - it is the filter that tells
+        bound: float,  # noqa: ARG002 - the filter decides
     ) -> Trial[Iterate] | Refusal:
         """Return the curve at a step along the direction, its new gaps closed if need be, or why it is refused."""
         curve, among = self.curve, direction.among
@@ -249,4 +250,5 @@ class CurveSteps(Steps):
         if direction.gain is models.work.free.K:
             models.work.hold()
         models.here.open(new, self.penalty)
+        models.here.moved = True
         models.leave()

@@ -1,4 +1,4 @@
-"""An initial state that is found too, and which unknown numbers nothing tells of."""
+"""An initial state that is found too, and which unknown numbers the cost does not determine."""
 
 from __future__ import annotations
 
@@ -16,15 +16,18 @@ from leastaction.optimal.discrete.system import DiscreteSystem
 # a limit that is active in the end is stiffer than all else by ten orders of magnitude.
 _FLAT = 1e-14
 
+_SHORTER = 0.7  # part of what a motion lasts that a step of the search takes off at most
+
 
 class FreeStart:
     """The initial state of a search: fixed, free, or free in some of its entries.
 
-    ``free``: whether, or which. ``flat``: unknown numbers of which the last model says nothing.
+    ``free``: whether, or which. ``final_time``: the place in the state of the time (s) at which the motion ends, if
+    that is found too. ``flat``: unknown numbers of which the last model says nothing.
     """
 
-    def __init__(self, system: DiscreteSystem, free: bool | Sequence[str]) -> None:
-        self.system, self.free = system, free
+    def __init__(self, system: DiscreteSystem, free: bool | Sequence[str], final_time: int | None = None) -> None:
+        self.system, self.free, self.final_time = system, free, final_time
         self.flat: list[str] = []
         self._directions: Array | None = None
 
@@ -56,12 +59,19 @@ class FreeStart:
         _, step, _ = dposv(Z.T @ model.P0 @ Z, Z.T @ model.b[0])
         return np.asarray(-Z @ step)
 
+    def longest(self, dx0: Array | None, x0: Array, length: float) -> float:
+        """Return how far to go along its change, at most this far: no model holds for a motion that is much shorter."""
+        if self.final_time is None or dx0 is None:
+            return length
+        lasts, change = x0[self.final_time] - self.system.time(0), dx0[self.final_time - self.system.nx]
+        return float(-_SHORTER * lasts / change) if length * change < -_SHORTER * lasts else length
+
     def checked(
         self, model: LinearQuadraticSolution, x0: Array, hessian: Callable[[], ModelHessian]
     ) -> LinearQuadraticSolution:
         """Return a model, without a minimum if it has none over the initial state.
 
-        ``hessian``: gives the model's weights, which are asked for where it may have none.
+        ``hessian``: returns the model's weights; called where it may have no minimum.
         """
         self.flat = []
         if self.free is False or not model.definite:
@@ -80,13 +90,13 @@ class FreeStart:
         values, vectors = np.linalg.eigh(bend)
         least = float(values[0])
         if least >= -little:
-            self.flat = self.system.unknowns_along(np.abs(Z @ vectors[:, values <= little]).max(axis=1))
+            self.flat = self.system.unknowns_along(np.abs(Z @ vectors[:, values <= little]).max(axis=1)) or []
         message = f"P is not positive definite over the free initial state (smallest eigenvalue {least:.3g})."
         return replace(model, definite=False, stage=0, message=message)
 
     @property
     def undetermined(self) -> str:
-        """What is to be said of unknown numbers that nothing tells of, where a model has no minimum because of them."""
+        """Names of unknown numbers that the cost does not determine, as a message; empty where there are none."""
         if not self.flat:
             return ""
         names = " and ".join(repr(name) for name in self.flat)

@@ -1,9 +1,9 @@
 """Whether a curve with gaps between its steps is worth leaving another for.
 
-That is told by a filter (A. Waechter and L. T. Biegler, On the implementation of an interior-point filter line-search
-algorithm, 2006, without the barrier): a trial has to lower the cost or the sum of the gaps, against all that was left
-behind. A plain penalty of the gaps would creep: it refuses what a curved valley asks for. What closing them may cost it
-tells, though: a step on which they hardly shrink, at a cost many times as high, leads far away.
+That is decided by a filter (A. Waechter and L. T. Biegler, On the implementation of an interior-point filter
+line-search algorithm, 2006, without the barrier): a trial has to lower the cost or the sum of the gaps, against all
+earlier curves. A penalty of the gaps alone would make very short steps: it refuses steps along a curved valley. It does
+bound the cost of closing them, though: a step on which they hardly shrink, at a cost many times as high, diverges.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ _COST_POWER, _GAP_POWER, _ARMIJO = 2.3, 1.1, 1e-4
 
 
 class OpenCurve(NamedTuple):
-    """States and inputs, where its steps lead to, the gaps, their sum by the states' sizes, and what it costs.
+    """States and inputs, where its steps lead to, the gaps, their sum and the largest in parts of the states' sizes.
 
-    ``worst_step``: its coarsest step. ``shown``: what it costs without what only guides the search. ``length``: of the
-    step that led to it.
+    ``cost``: of the curve. ``worst_step``: its coarsest step. ``shown``: what it costs without what only guides the
+    search. ``length``: of the step that led to it.
     """
 
     x: Array
@@ -37,6 +37,7 @@ class OpenCurve(NamedTuple):
     ends: Array
     gaps: Array
     theta: float
+    gap: float
     cost: float
     worst_step: StepQuality | None
     shown: float

@@ -6,7 +6,7 @@ from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.iterates.gap_filter import OpenCurve
 from leastaction.optimal.line_search import rounding_of
-from leastaction.optimal.memory import Place
+from leastaction.optimal.state import Place
 
 
 class Here:
@@ -14,7 +14,8 @@ class Here:
 
     ``x`` (N+1, nx), ``u`` (N, nu): states and inputs. ``gain`` (N, nu, nx): of the projection that led there.
     ``worst_step``: the coarsest step. ``value``: what is minimised. ``roughness``: what that was seen to be off by,
-    beyond the rounding of a sum. ``curve``: the iterate with its gaps; None of a trajectory.
+    beyond the rounding of a sum. ``curve``: the iterate with its gaps; None of a trajectory. ``moved``: whether a step
+    was made.
     """
 
     x: Array
@@ -30,11 +31,17 @@ class Here:
         self.worst_step: StepQuality | None = None
         self.roughness = 0.0
         self.curve: OpenCurve | None = None
+        self.moved = False
 
     @property
     def noise(self) -> float:
         """What the value may be off."""
         return max(rounding_of(self.value), self.roughness)
+
+    @property
+    def gap(self) -> float:
+        """The largest gap, in parts of the states' sizes; 0 of a trajectory."""
+        return 0.0 if self.curve is None else self.curve.gap
 
     @property
     def is_open(self) -> bool:

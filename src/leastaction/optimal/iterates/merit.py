@@ -6,6 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Protocol
 
+import numpy as np
+
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import ModelHessian, between
@@ -17,7 +19,7 @@ from leastaction.optimal.system import Linearization
 
 
 class AlongIterate(Protocol):
-    """What a merit is told of the models along the iterate."""
+    """What a merit needs of the models along the iterate."""
 
     def linearize(self) -> Linearization:
         """Return the derivatives of the dynamics."""
@@ -30,16 +32,19 @@ class AlongIterate(Protocol):
     ) -> ModelMinimum | None:
         """Return the minimum of a direction's model with another gradient and other weights; None if it has none."""
 
+    def left_of(self, gradient: CostGradient, hessian: ModelHessian) -> float | None:
+        """Return the decrease that Newton's model expects with these derivatives; None if it has no minimum."""
+
 
 class Merit(ABC):
     """What is minimised, with its derivatives along the iterate, which are kept until that moves.
 
-    ``cost``: that of trajectories, of which a trial is given up early. ``sees_walls``: whether `first_step` sees what
-    steps are shortened for: one taken as it came then says nothing of the next.
+    ``cost``: that of trajectories, of which a trial is given up early. ``has_walls``: whether barriers are a part of
+    it: `first_step` sees these, and beside their stiffness models may drown in rounding.
     """
 
     cost: Cost
-    sees_walls: bool
+    has_walls: bool
 
     @abstractmethod
     def forget(self) -> None:
@@ -52,6 +57,10 @@ class Merit(ABC):
     @abstractmethod
     def plain_value(self) -> float:
         """Return the cost alone."""
+
+    @abstractmethod
+    def magnitude(self) -> float:
+        """Return the cost that the tolerance is relative to."""
 
     @abstractmethod
     def guide(self, x: Array, u: Array) -> float:
@@ -74,14 +83,22 @@ class Merit(ABC):
 
     @abstractmethod
     def followed(self, direction: DiscreteDirection, along: AlongIterate) -> DiscreteDirection:
-        """Return a direction with what it changes of the limits."""
+        """Return a direction that was found, with what it changes of the limits where that is told in the end."""
 
     @abstractmethod
     def refined(self, direction: DiscreteDirection, along: AlongIterate, *, holds: bool) -> DiscreteDirection:
-        """Return what to follow in the place of a direction, by more of the same model.
+        """Return what to follow in the place of a direction, by more of the same model, with what it changes of limits.
 
-        ``holds``: whether the last step lowered the cost by what its model had foretold.
+        ``holds``: whether the last step lowered the cost by what its model had predicted.
         """
+
+    @abstractmethod
+    def left_beside_rounding(self, along: AlongIterate) -> float:
+        """Return a decrease no smaller than what is left, where rounding drowns models; infinity if nothing tells."""
+
+    @abstractmethod
+    def settle(self) -> None:
+        """Take the iterate for the last: nothing of the merit moves any more."""
 
     @abstractmethod
     def first_step(self, direction: DiscreteDirection, length: float) -> float:
@@ -112,7 +129,7 @@ class Merit(ABC):
 class CostMerit(Merit):
     """The cost alone: that of a stage."""
 
-    sees_walls = False
+    has_walls = False
 
     def __init__(self, cost: Cost, here: Here) -> None:
         self.cost, self.here = cost, here
@@ -129,6 +146,9 @@ class CostMerit(Merit):
     def plain_value(self) -> float:
         curve = self.here.curve
         return self.here.value if curve is None else curve.shown
+
+    def magnitude(self) -> float:
+        return self.here.value
 
     def guide(self, x: Array, u: Array) -> float:  # noqa: ARG002 - there is nothing
         return 0.0
@@ -158,6 +178,12 @@ class CostMerit(Merit):
 
     def refined(self, direction: DiscreteDirection, along: AlongIterate, *, holds: bool) -> DiscreteDirection:  # noqa: ARG002
         return direction
+
+    def left_beside_rounding(self, along: AlongIterate) -> float:  # noqa: ARG002
+        return np.inf
+
+    def settle(self) -> None:
+        pass
 
     def first_step(self, direction: DiscreteDirection, length: float) -> float:  # noqa: ARG002
         return length

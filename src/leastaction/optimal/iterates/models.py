@@ -24,11 +24,12 @@ from leastaction.optimal.iterates.free_start import FreeStart
 from leastaction.optimal.iterates.here import Here
 from leastaction.optimal.iterates.merit import Merit
 from leastaction.optimal.iterates.work import Work
+from leastaction.optimal.loop import DescentModels
 from leastaction.optimal.space import sizes_of
 from leastaction.optimal.system import Linearization
 
 
-class Models:
+class Models(DescentModels[LinearQuadraticSolution, DiscreteDirection]):
     """Quadratic models of what is minimised, along the iterate.
 
     ``merit``: what is minimised. ``space``: of the states, as of `System.charts`. ``own``: the projection, if that has
@@ -47,7 +48,7 @@ class Models:
         own: OwnProjection | None = None,
     ) -> None:
         self.system, self.merit, self.here, self.work, self.start = system, merit, here, work, start
-        self.space, self.own = system.charts(), own
+        self.space, self.own, self.has_curvature = system.charts(), own, system.has_curvature
         self.costates: Array | None = None
         self.linearization: Linearization | None = None
         self.curvature: Array | None = None
@@ -148,14 +149,14 @@ class Models:
         return -2.0 * least_of(model, self.start_step(model)) if model.definite else None
 
     def tells_of_all(self, hessian: ModelHessian) -> bool:
-        """Return whether the quasi-Newton model with other weights tells of every unknown number."""
+        """Return whether the quasi-Newton model with other weights determines every unknown number."""
         model = self._minimum("quasi-newton", self.merit.gradient(), hessian, self.work.last, 0.0)
         self.start.checked(model, self.here.x[0], lambda: hessian)
         return not self.start.undetermined
 
     def last_motion(self, *, newton: bool) -> tuple[Array, Array] | None:
         """Return the motion along a direction that is not followed any more; None if there is none."""
-        # In memory of its own: the feedback that is told may stand in that of the iteration.
+        # In memory of its own: the feedback of the result may be in that of the iteration.
         method, scale = ("newton", 1.0) if newton else ("quasi-newton", 0.0)
         model = self.solve(method, self.work.last, scale)
         model = self.start.checked(model, self.here.x[0], lambda: self.merit.hessian(scale, self))
@@ -175,8 +176,26 @@ class Models:
         with self.work.clock("lq"):
             return minimise_model(method, linearization, gradient, hessian, curvature, workspace, scale, gaps)
 
+    @property
+    def magnitude(self) -> float:
+        return self.merit.magnitude()
+
+    @property
+    def sees_walls(self) -> bool:
+        return self.merit.has_walls
+
     def minimise(self, method: str, scale: float, shift: float = 0.0) -> LinearQuadraticSolution:
         """Return the minimum of a method's model, also over an initial state that is free."""
+        model = self._minimised(method, scale, shift)
+        # In exact numbers a convex model has a minimum.
+        is_lost = method == "quasi-newton" and not model.definite
+        self.is_drowned = self.merit.has_walls and (is_lost or model.smallest_eigenvalue > 0.0)
+        if self.is_drowned:
+            # Beside stiff limits the rest of the curvature is lost in rounding: this is no saddle.
+            self.tells_saddles = False
+        return model
+
+    def _minimised(self, method: str, scale: float, shift: float) -> LinearQuadraticSolution:
         self.own_gain()
         if method == "quasi-newton" and shift == 0.0 and self.quasi_newton is not None:
             model = self.quasi_newton
@@ -184,6 +203,18 @@ class Models:
             model = self.solve(method, self.work.free, scale, shift)
         share = scale if method == "newton" else 0.0
         return self.start.checked(model, self.here.x[0], lambda: self.merit.hessian(share, self))
+
+    def refined(self, direction: DiscreteDirection, *, holds: bool) -> DiscreteDirection:
+        return self.merit.refined(direction, self, holds=holds)
+
+    def left_beside_rounding(self) -> float:
+        if self.here.is_open or not self.has_curvature:
+            return np.inf
+        return self.merit.left_beside_rounding(self)
+
+    def keep_feedback(self, direction: DiscreteDirection) -> None:
+        self.feedback = direction.gain
+        self.merit.settle()
 
     def own_gain(self) -> Array | None:
         """Return the projection's own gains about the iterate, if it has any."""

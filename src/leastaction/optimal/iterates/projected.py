@@ -11,12 +11,13 @@ from leastaction.errors import LeastActionError, ProjectionError, StepError
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.linear_quadratic import Workspace, regulate
 from leastaction.optimal.discrete.projection import linearize_along_curve
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
+from leastaction.optimal.discrete.rollout import Rollout
+from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.iterates.models import Models
 from leastaction.optimal.space import StateSpace, apart
 
 _ROUNDING = 1e-8  # distance of a trajectory from a curve that it is, in parts of its states
-_DEAR = 10.0  # factor in cost over that of its inputs alone by which a projection has lost a curve
+_DEAR = 10.0  # ratio of the cost of a projection to that of its inputs alone, above which the projection diverged
 
 
 def projection_of(models: Models, xbar: Array, ubar: Array, gain: Array) -> Rollout:
@@ -48,7 +49,7 @@ def _why(system: DiscreteSystem, rollout: Rollout, xbar: Array, ubar: Array, gai
         system.f(x, ubar[k] - gain[k] @ system.difference(x, xbar[k]), k)
     except StepError as error:
         return str(error).removesuffix(".")
-    except ArithmeticError:  # told by the roll-out already
+    except ArithmeticError:  # the roll-out has failed already
         pass
     return rollout.failure
 

@@ -1,8 +1,9 @@
-"""Iterates that are trajectories: a step along a direction is projected, and its cost tells how far to go."""
+"""Iterates that are trajectories: a step along a direction is projected, and its cost decides how far to go."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
@@ -10,12 +11,12 @@ from leastaction.numerics.frozen import made
 from leastaction.optimal.discrete.linear_quadratic import LinearQuadraticSolution
 from leastaction.optimal.iterates.direction import DiscreteDirection, Iterate
 from leastaction.optimal.iterates.models import Models, least_of
-from leastaction.optimal.iterates.steps import Steps
 from leastaction.optimal.iterates.trial import SHORT, leap, try_projection
 from leastaction.optimal.line_search import Refusal, Trial
+from leastaction.optimal.loop import Steps
 
 
-class TrajectorySteps(Steps):
+class TrajectorySteps(Steps[LinearQuadraticSolution, DiscreteDirection, Iterate]):
     """Steps from one trajectory to the next.
 
     ``chunk``: steps of time after each of which a trial is looked at.
@@ -24,7 +25,9 @@ class TrajectorySteps(Steps):
     def __init__(self, models: Models, chunk: int) -> None:
         self.models, self.chunk = models, chunk
 
-    def direction(self, method: str, model: LinearQuadraticSolution, scale: float, shift: float) -> DiscreteDirection:
+    def direction(
+        self, method: str, model: LinearQuadraticSolution, scale: float, shift: float = 0.0
+    ) -> DiscreteDirection:
         models = self.models
         own_gain = models.own_gain()
         dx = du = None
@@ -34,13 +37,16 @@ class TrajectorySteps(Steps):
         models.feedback = model.K if own_gain is None else own_gain
         # The model's minimum is half of its linear part.
         slope = 2.0 * least_of(model, dx0)
-        return made(
+        found = made(
             DiscreteDirection, method=method, slope=slope, curvature_scale=scale, shift=shift, gain=models.feedback,
             C=model.C, dx=dx, du=du, dx0=dx0,
         )  # fmt: skip
+        return models.merit.followed(found, models)
 
     def first_step(self, direction: DiscreteDirection, length: float) -> float:
-        return self.models.merit.first_step(direction, length)
+        models = self.models
+        length = models.start.longest(direction.dx0, models.here.x[0], length)
+        return models.merit.first_step(direction, length)
 
     def simulate(self, direction: DiscreteDirection, length: float, bound: float) -> Trial[Iterate] | Refusal:
         models, here = self.models, self.models.here
@@ -52,9 +58,7 @@ class TrajectorySteps(Steps):
             except LeastActionError as error:
                 return Refusal(f"the initial state cannot move so far: {error}", 0, failed=True)
 
-        def explain(x: Array, refusal: Refusal) -> Refusal:
-            return self._look_for_leap(direction, length, x, refusal)
-
+        explain = partial(self._look_for_leap, direction, length)
         trial = try_projection(
             models.system,
             models.merit.cost,
@@ -88,7 +92,7 @@ class TrajectorySteps(Steps):
         models, here, found = self.models, self.models.here, trial.iterate
         models.merit.move(direction, found, models)
         here.move(found.x, found.u, found.worst_step)
-        here.value, here.gain = trial.cost, direction.gain
+        here.value, here.gain, here.moved = trial.cost, direction.gain, True
         if direction.gain is models.work.free.K:
             models.work.hold()
         models.leave()

@@ -19,8 +19,8 @@ from leastaction.optimal.space import apart, sizes_of
 SHORT = 0.1
 """Length of a step along which it is looked for leaps."""
 
-# Moves of a trajectory, in parts of its size, that make a leap: the most that a short step was foretold to make, the
-# least that it made from one instant to the next; and the most foretold where shorter ones will leap too.
+# Changes of a trajectory, in parts of its size, that show a leap: the largest that was predicted for a short step, the
+# least that it made from one instant to the next; and the largest predicted one where shorter steps leap too.
 _NEAR, _FAR, _TORN = 0.02, 0.2, 1e-3
 
 COARSE = 3.0
@@ -106,8 +106,8 @@ def leap(system: DiscreteSystem, now: Array, foretold: Array, x: Array, length: 
     """Return the refusal of a trial in which a step of time leapt to another solution; None if none did.
 
     Where a step that hardly moves the trajectory at all is torn away at once, shorter ones will be too: it is hopeless.
-    ``now`` (N+1, nx): states of the current iterate. ``foretold``: by how much the trial was to move them. ``x``: its
-    states, up to where it ended. ``length``: of the step.
+    ``now`` (N+1, nx): states of the current iterate. ``foretold``: their predicted changes. ``x``: states of the
+    trial, up to where it ended. ``length``: of the step.
     """
     space, n = system.charts(), len(x)
     size = sizes_of(space, now)

@@ -94,7 +94,8 @@ def advanced(at: Point, mu: float, rho: Array, dc: Array, *, fall: float, bend: 
 
     The model is that of barriers and of something else, with the derivatives ``fall`` and ``bend`` along it.
     """
-    c, slack, excess, y = (empty(dc.shape) for _ in range(4))
+    shape = dc.shape
+    c, slack, excess, y = empty(shape), empty(shape), empty(shape), empty(shape)
     length, value = _core.barrier_advance(
         at.c, at.part.slack, at.part.excess, mu, rho, at.y, dc, fall, bend, c, slack, excess, y
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from leastaction.optimal.limits.barrier import (
     stiffness,
 )
 from leastaction.optimal.limits.leeway import Leeway
-from leastaction.optimal.limits.sides import Sided, SideLayout
+from leastaction.optimal.limits.sides import Sided, SideLayout, some
 from leastaction.optimal.quantity import Instants
 
 # Price of an excess, in times its multiplier; and in the end that of an equation, which is met the better the dearer it
@@ -240,12 +241,13 @@ class Duals:
         """Whether some limit is not enforced though its price is the dearest there is."""
         most = np.multiply(self.prices, _BINDING, out=empty(self.prices.shape))
         net = np.abs(self.net(), out=empty(most.shape))
-        return bool(np.count_nonzero(np.greater(net, most, out=empty(most.shape, np.bool_))))
+        return some(np.greater(net, most, out=empty(most.shape, np.bool_)))
 
     def least_mu(self, digits: float) -> float:
         """Return the parameter below which the room that it leaves would be a part `digits` of a limit's size."""
         largest = self.layout.largest(self.y.flat)
-        return digits * float((largest * (self.scale.flat + self._size)).max(initial=0.0))
+        sizes = largest * (self.scale.flat + self._size)
+        return digits * max(float(sizes[sizes.argmax()]), 0.0) if sizes.size else 0.0
 
     def price(self, c: Sided, dearest: float, *, met: float | None = None, kept: float = np.inf) -> bool:
         """Set the prices of excess by the duals; whether some limit needs a price that is higher.
@@ -309,10 +311,11 @@ class Duals:
 
         Nobody else writes to these: what is told outlives the run, and is saved.
         """
-        least, layout, y = max(_ACTIVE * self.mu, np.sqrt(self.mu * abs(cost))), self.layout, duals.flat
+        least, layout, y = max(_ACTIVE * self.mu, sqrt(self.mu * abs(cost))), self.layout, duals.flat
         enough = np.maximum(least / self.scale.flat, _HARDLY * layout.largest(y))
         active = np.greater(y, layout.spread(enough), out=empty(y.shape, np.bool_))
-        active |= self._in_equations
+        if self._has_equations:
+            active |= self._in_equations
         net = np.where(self._in_equations, y - y[self._other], y) if self._has_equations else y
         value, dual = read_only(c.flat), read_only(net)
         active.setflags(write=False)

@@ -13,6 +13,8 @@ from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.limits.sides import Sided, SideLayout
 from leastaction.optimal.quantity import Entries
 
+_FEW = 512  # entries of states or inputs below which fresh memory is quicker
+
 
 class EntryRows:
     """Those of some rows that are entries of the state, or of the input, with their derivatives.
@@ -78,7 +80,12 @@ class EntryRows:
 
     def _gathered(self, factors: Array, values: Sided, shape: tuple[int, ...]) -> Array:
         """Return the sums of factors times values at the places."""
+        size = shape[0] * shape[1]
         weighed = np.multiply(factors, values.flat[self.at], out=empty(factors.shape))
-        found = zeros((shape[0] * shape[1],))
+        if size < _FEW:
+            sums: Any = np.bincount(self.places, weighed, size)
+            summed: Array = sums.reshape(shape)
+            return summed
+        found = zeros((size,))
         np.add.at(found, self.places, weighed)
         return found.reshape(shape)

@@ -23,7 +23,7 @@ from leastaction.optimal.limits.sides import Sided
 from leastaction.optimal.limits.stages import BarrierStages
 from leastaction.optimal.line_search import Refusal, Trial
 from leastaction.optimal.loop import along_parabola
-from leastaction.optimal.memory import Place
+from leastaction.optimal.state import Place
 
 _FAR = 5.0  # expected decrease of a step that is far from the minimum, in costs
 _SOFTER = (1e-2, 1e-4, 1e-6, 1e-8)  # parts of the largest stiffness that models know where rounding drowns the whole
@@ -37,7 +37,7 @@ class BarrierMerit(Merit):
     None if that is not known. ``are_settled``: whether no step of the duals is needed any more.
     """
 
-    sees_walls = True
+    has_walls = True
 
     def __init__(self, limited: LimitedCost, stages: BarrierStages, here: Here) -> None:
         self.cost, self.limited, self.duals, self.stages, self.here = limited.cost, limited, limited.duals, stages, here
@@ -104,6 +104,10 @@ class BarrierMerit(Merit):
         if self._cost is None:
             self._cost = self.cost.value(self.here.x, self.here.u)
         return self._cost
+
+    def magnitude(self) -> float:
+        # Barriers are known up to a constant, and may be of either sign.
+        return self.plain_value()
 
     def guide(self, x: Array, u: Array) -> float:
         return self.duals.barrier(self.duals.room(self.limited.limits(x, u)))
@@ -201,9 +205,10 @@ class BarrierMerit(Merit):
     # ---- Directions -------------------------------------------------------------------------------
 
     def followed(self, direction: DiscreteDirection, along: AlongIterate) -> DiscreteDirection:
-        change = self.change(along.motion(direction))
-        if direction.method == "newton" and direction.curvature_scale == 1.0 and direction.shift == 0.0:
-            self.newton_change = change
+        whole = direction.method == "newton" and direction.curvature_scale == 1.0 and direction.shift == 0.0
+        if not (whole and self.stages.is_last):
+            return direction
+        self.newton_change = change = self.change(along.motion(direction))
         return changed(direction, limited=change.flat)
 
     def change(self, motion: tuple[Array, Array]) -> Sided:
@@ -212,7 +217,11 @@ class BarrierMerit(Merit):
 
     def refined(self, direction: DiscreteDirection, along: AlongIterate, *, holds: bool) -> DiscreteDirection:
         """Return the direction to where its model is least, with the barriers themselves in place of their models."""
-        if direction.limited is None or self.here.is_open:
+        if direction.bend < 0.0:
+            return direction
+        if direction.limited is None:
+            direction = changed(direction, limited=self.change(along.motion(direction)).flat)
+        if self.here.is_open:
             return direction
         if not holds:
             return promising(self.duals, self.room(), direction)
@@ -259,13 +268,13 @@ class BarrierMerit(Merit):
     def judged(
         self, trial: Trial[Iterate], bound: float, explain: Callable[[Array, Refusal], Refusal]
     ) -> Trial[Iterate] | Refusal:
-        found = trial.iterate
+        found, cost = trial
         room = self.duals.room(self.limited.limits(found.x, found.u))
-        total = trial.cost + self.duals.barrier(room)
+        total = cost + self.duals.barrier(room)
         if not total <= bound:
             reason = f"a cost with barriers of {total:.10g}, where at most {bound:.10g} was wanted"
             return explain(found.x, Refusal(reason, cost=total))
-        return Trial(found._replace(cost=trial.cost, room=room), total)
+        return Trial(Iterate(found.x, found.u, found.worst_step, cost, room), total)
 
     def move(self, direction: DiscreteDirection, to: Iterate, along: AlongIterate) -> None:
         """Move the duals with the iterate."""
@@ -282,7 +291,10 @@ class BarrierMerit(Merit):
 
     # ---- The end ----------------------------------------------------------------------------------
 
-    def left_beside_rounding(self, models: Models) -> float:
+    def settle(self) -> None:
+        self.are_settled = True
+
+    def left_beside_rounding(self, along: AlongIterate) -> float:
         """Return a decrease that is no smaller than what is left, by Newton's model with softer limits.
 
         That lies below the model itself: it has a minimum only where this has one, and expects no less. Its linear part
@@ -290,8 +302,8 @@ class BarrierMerit(Merit):
         """
         gradient = self.lagrangian_gradient()
         for softness in _SOFTER:
-            hessian = self.hessian_with(self.duals.stiffnesses(self.room(), softness), 1.0, models)
-            left = models.left_of(gradient, hessian)
+            hessian = self.hessian_with(self.duals.stiffnesses(self.room(), softness), 1.0, along)
+            left = along.left_of(gradient, hessian)
             if left is not None:
                 return left + self.duals.gap(self.room())
         return np.inf

@@ -16,6 +16,7 @@ from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
 from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.optimal.limits.charts import charted
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows, Weights
 from leastaction.optimal.quantity import Instants, Samples, as_slice
@@ -47,9 +48,14 @@ class PricedLimits(AddedCost):
     Its second derivative is that of Gauss and Newton: without the curvature of what is limited.
     """
 
+    can_be_eased = False  # a motion near the given one is asked for, and an easier cost leads elsewhere
+
     def __init__(self, cost: Cost, system: DiscreteSystem, priced: Sequence[PricedLimit]) -> None:
         super().__init__(cost, "limits", (system.N, system.nx, system.nu))
-        self._rows = tuple((rows, each.weight) for each in priced for rows in each.limit.rows(system, 1))
+        self._ndx, space = system.ndx, system.charts()
+        self._rows = tuple(
+            (rows, each.weight) for each in priced for rows in charted(each.limit.rows(system, 1), space)
+        )
         columns = [self._columns_of(rows) for rows, _ in self._rows]
         self._columns = np.unique(np.concatenate([np.empty(0, dtype=np.intp), *columns]))
 
@@ -57,16 +63,15 @@ class PricedLimits(AddedCost):
         """Return by how much limits are off at most along a trajectory, each in its own unit."""
         return max((float(each.off.max(initial=0.0)) for each in self._broken(x, u, 0)), default=0.0)
 
-    def stage_values(self, x: Array, u: Array, start: int) -> Array:
-        values = np.array(self.cost.stage_values(x, u, start))
+    def stage_prices(self, x: Array, u: Array, start: int) -> Array:
+        prices = np.zeros(len(u))
         for each in self._broken(x, u, start):
-            np.add.at(values, each.at.k - start, 0.5 * each.weight * np.sum(each.off**2, axis=1))
-        return values
+            np.add.at(prices, each.at.k - start, 0.5 * each.weight * np.sum(each.off**2, axis=1))
+        return prices
 
-    def final_value(self, x: Array) -> float:
+    def final_price(self, x: Array) -> float:
         nothing, end = np.empty((0, self._sizes[2])), self._sizes[0]
-        price = sum(0.5 * each.weight * float(np.sum(each.off**2)) for each in self._broken(x[None, :], nothing, end))
-        return super().final_value(x) + price
+        return sum(0.5 * each.weight * float(np.sum(each.off**2)) for each in self._broken(x[None, :], nothing, end))
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
         q, r, q_final = self.cost.gradient(x, u)
@@ -75,28 +80,20 @@ class PricedLimits(AddedCost):
             jacobian, columns = self._slopes(each)
             pull = -each.weight * each.rows.sign * each.off
             slopes[each.at.k[:, None], columns] += (pull[:, None, :] @ jacobian)[:, 0]
-        nx = x.shape[1]
-        return CostGradient(slopes[:-1, :nx], slopes[:-1, nx:], slopes[-1, :nx])
+        ndx = self._ndx
+        return CostGradient(slopes[:-1, :ndx], slopes[:-1, ndx:], slopes[-1, :ndx])
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the other cost's second derivatives, and those of the price; see `Cost`."""
-        return self.model_hessian(x, u, convex=False).whole()
+        return self.own_model_hessian(x, u, convex=False).whole()
 
-    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
-        """Return the other cost's, and those of the price, which are never negative; see `Cost`."""
-        return self.model_hessian(x, u, convex=True).whole()
-
-    def model_hessian(self, x: Array, u: Array, *, convex: bool) -> ModelHessian:
+    def own_model_hessian(self, x: Array, u: Array, *, convex: bool) -> ModelHessian:
         """Return either with what is by the entries that limits are of as a part of it; see `Cost`."""
         weights = Weights(self._sizes[0], self._columns)
         for each in self._broken(x, u, 0):
             jacobian, columns = self._slopes(each)
             weights.add(each.at.k, columns, jacobian, np.where(each.off > 0.0, each.weight, 0.0), None)
         return self.cost.model_hessian(x, u, convex=convex).weighed(self._columns, weights.matrices)
-
-    def eased(self, ease: float) -> None:  # noqa: ARG002
-        """Return None: what is near is not where a cheaper one would lead."""
-        return
 
     def _broken(self, x: Array, u: Array, start: int) -> Iterator[_Broken]:
         """Yield where and how far limits are off in states from an instant on, with inputs of as many or one less."""
@@ -122,6 +119,6 @@ class PricedLimits(AddedCost):
         return each.rows.quantity.jacobian(each.at), self._columns_of(each.rows)
 
     def _columns_of(self, rows: Rows) -> Instants:
-        _, nx, nu = self._sizes
-        columns = rows.quantity.columns(nx, nu)
-        return np.arange(nx if rows.quantity.of_state else nx + nu) if columns is None else columns
+        ndx, nu = self._ndx, self._sizes[2]
+        columns = rows.quantity.columns(ndx, nu)
+        return np.arange(ndx if rows.quantity.of_state else ndx + nu) if columns is None else columns

@@ -10,14 +10,18 @@ from __future__ import annotations
 from leastaction.optimal.loop.loop import Callback, Loop
 from leastaction.optimal.loop.problem import (
     Clock,
+    DescentModels,
     Direction,
     ModelSolution,
     OneStage,
     Problem,
+    SearchReport,
     Stages,
+    Steps,
     along_parabola,
 )
 
 __all__ = [
-    "Callback", "Clock", "Direction", "Loop", "ModelSolution", "OneStage", "Problem", "Stages", "along_parabola",
+    "Callback", "Clock", "DescentModels", "Direction", "Loop", "ModelSolution", "OneStage", "Problem", "SearchReport",
+    "Stages", "Steps", "along_parabola",
 ]  # fmt: skip

@@ -46,7 +46,7 @@ class Directions:
         """
         run = self.run
         goal, shift, methods = run.goal, run.schedule.shift, self._methods()
-        while shift < run.problem.largest_shift:
+        while shift < run.problem.models.largest_shift:
             searched = False
             for method in methods:
                 if method == "steepest" and run.is_automatic:
@@ -76,7 +76,7 @@ class Directions:
         first = self.run.settings.method
         if first == "auto":
             schedule = self.run.schedule
-            newton = self.run.problem.has_curvature and schedule.wait == 0
+            newton = self.run.problem.models.has_curvature and schedule.wait == 0
             first = "newton" if newton else "quasi-newton"
         return _CHAIN[_CHAIN.index(first) :]
 
@@ -87,16 +87,16 @@ class Directions:
         """
         run, problem = self.run, self.run.problem
         scale = run.schedule.scale if method == "newton" else 0.0
-        model = problem.minimise_model(method, scale, shift)
+        model = problem.models.minimise(method, scale, shift)
         while not model.definite and scale > _LEAST_CURVATURE:
             scale *= _LESS_CURVATURE
             run.note_indefinite(scale)
-            model = problem.minimise_model(method, scale, shift)
+            model = problem.models.minimise(method, scale, shift)
         if not model.definite:
             return str(model.message)
         damped = "-damped" if 0.0 < scale < 1.0 else ""
         shifted = "-shifted" if shift > 0.0 else ""
-        found: Direction = problem.direction(f"{method}{damped}{shifted}", model, scale, shift)
+        found: Direction = problem.steps.direction(f"{method}{damped}{shifted}", model, scale, shift)
         return found
 
     def _unless_newton_will_do(self, direction: Direction | str, goal: float) -> Direction | str:
@@ -105,15 +105,15 @@ class Directions:
         The undamped model has to be looked at in the end anyway, to tell the minimum from a saddle.
         """
         run, problem = self.run, self.run.problem
-        tells = run.is_automatic and run.schedule.full and problem.tells_saddles and problem.has_curvature
+        tells = run.is_automatic and run.schedule.full and problem.models.tells_saddles and problem.models.has_curvature
         if isinstance(direction, str) or not tells:
             return direction
         expected = -direction.slope
         if expected <= goal or _after_newton(expected, run.schedule) > goal:
             return direction
-        model = problem.minimise_model("newton", 1.0)
+        model = problem.models.minimise("newton", 1.0)
         if model.definite:
-            found: Direction = problem.direction("newton", model, 1.0)
+            found: Direction = problem.steps.direction("newton", model, 1.0)
             return found
         return self._direction("quasi-newton", 0.0)  # the model was written over the direction
 
@@ -122,14 +122,14 @@ class Directions:
     def _end_drowned(self) -> None:
         """Raise `EndFound` where rounding has left no model, and next to nothing is expected."""
         run = self.run
-        if not run.problem.is_drowned:
+        if not run.problem.models.is_drowned:
             return
-        left = run.problem.left_beside_rounding()
+        left = run.problem.models.left_beside_rounding()
         if left <= run.asked:
             raise EndFound(Outcome(Status.CONVERGED, expected=left))
         if run.history.iterations > 0:
             expected = run.history.expected_decreases[-1]  # in an earlier stage, perhaps
-            if expected <= _STALLED_CLOSE * abs(run.problem.value):
+            if expected <= _STALLED_CLOSE * abs(run.problem.here.value):
                 raise EndFound(Outcome(Status.STALLED, expected=expected))
 
     def _confirm(self, direction: Direction) -> Direction:
@@ -142,19 +142,19 @@ class Directions:
         expected = -direction.slope
         status = Status.STALLED if run.stalled else Status.CONVERGED
         run.set_shift(0.0)
-        if not problem.tells_saddles:
+        if not problem.models.tells_saddles:
             raise EndFound(Outcome(status, expected=expected))
         goes_on = run.settings.method in ("auto", "newton")
         if direction.curvature_scale == 1.0 > direction.shift:
             return self._unless_close(direction, status)
-        model = problem.minimise_model("newton", 1.0)
+        model = problem.models.minimise("newton", 1.0)
         if model.definite:
-            newton = problem.direction("newton", model, 1.0)
+            newton = problem.steps.direction("newton", model, 1.0)
             if not goes_on:
                 raise EndFound(Outcome(status, expected=expected))
             return self._unless_close(newton, status)
         scale = 0.0 if direction.shift > 0.0 else direction.curvature_scale
-        down: Direction | None = problem.negative_curvature(scale) if goes_on else None
+        down: Direction | None = problem.models.negative_curvature(scale) if goes_on else None
         if down is None:
             more = goes_on and not run.stalled and expected > run.asked
             # Where this stage alone is content, there is more to be gained along a damped model's direction.
@@ -163,7 +163,7 @@ class Directions:
                 raise EndFound(Outcome(Status.SADDLE, model.message, expected))
             return damped
         promise = -(down.slope + 0.5 * down.bend)
-        if promise <= max(run.goal, problem.noise):
+        if promise <= max(run.goal, problem.here.noise):
             detail = f"So is the decrease that negative curvature promises along the direction found, {promise:.2g}."
             raise EndFound(Outcome(status, detail, max(expected, promise)))
         return down
@@ -171,12 +171,12 @@ class Directions:
     def _unless_close(self, newton: Direction, status: Status) -> Direction:
         """Return the direction of Newton's undamped model, unless it leads hardly any further down: then it ends."""
         run, problem, expected = self.run, self.run.problem, -newton.slope
-        enough = max(run.goal, problem.noise)
+        enough = max(run.goal, problem.here.noise)
         if run.stalled:
-            enough = max(enough, _STALLED_CLOSE * abs(problem.value))
+            enough = max(enough, _STALLED_CLOSE * abs(problem.here.value))
         if expected <= enough:
             raise EndFound(Outcome(status, expected=expected))
-        if run.still >= problem.stages.patience + _STALLED_STEPS:
+        if run.state.still >= problem.stages.patience + _STALLED_STEPS:
             detail = "The cost has not fallen for several steps."
             raise EndFound(Outcome(Status.LINE_SEARCH_FAILED, detail, expected))
         return newton

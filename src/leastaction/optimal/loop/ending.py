@@ -56,11 +56,11 @@ class EndFound(Exception):
 
 def message(problem: Problem[Any, Any, Any], outcome: Outcome) -> str:
     """Return how it ended in words; of an end that is no proper one, with the instant at which time is coarsest."""
-    status, worst = outcome.status, problem.worst_step
+    status, worst = outcome.status, problem.here.worst_step
     detail = outcome.detail and outcome.detail.removesuffix(".") + "."
     parts = [status.value, detail, problem.stages.unfinished]
-    if status in (Status.SADDLE, Status.NO_DIRECTION) and problem.undetermined:
-        parts = [problem.undetermined]
+    if status in (Status.SADDLE, Status.NO_DIRECTION) and problem.report.undetermined:
+        parts = [problem.report.undetermined]
     if status is not Status.INFEASIBLE:
         parts.append(problem.stages.unmet)
     if worst is not None and status in (*STUCK, Status.NO_DIRECTION):
@@ -76,7 +76,7 @@ def message(problem: Problem[Any, Any, Any], outcome: Outcome) -> str:
 
 def coarse_step(problem: Problem[Any, Any, Any], outcome: Outcome) -> StepQuality | None:
     """Return the step of time that is too long where a run has ended, or in what it tried last; None if none is."""
-    steps = (problem.worst_step, outcome.refused)
+    steps = (problem.here.worst_step, outcome.refused)
     return next((step for step in steps if step is not None and step.is_coarse), None)
 
 
@@ -92,7 +92,7 @@ def outlook(run: Run, direction: Direction) -> str:
     if run.problem.stages.unfinished:
         return ""
     expected, goal = -direction.slope, run.goal
-    where = run.problem.where(direction)
+    where = run.problem.report.where(direction)
     parts = [f"The expected decrease is still {expected:.2g}, where {goal:.2g} is asked for"]
     parts.append(f"; most of it is that of {where}. " if where else ". ")
     costs = run.history.cost[-1 - _LOOKED_BACK :]

@@ -54,14 +54,14 @@ class Loop:
         try:
             outcome = None
             if not self.progress.history.cost:
-                outcome = self._tell(None, None, np.nan, self.progress.problem.note)
+                outcome = self._tell(None, None, np.nan, self.progress.problem.report.note)
             while outcome is None or self.stages.go_on(outcome):
                 self.stages.look()
                 outcome = self._advance()
             outcome = self.stages.verdict(outcome)
         except KeyboardInterrupt:
             # A solution may have been left half written; none of it belongs to the iterate.
-            self.progress.problem.forget()
+            self.progress.problem.models.forget()
             outcome = Outcome(Status.INTERRUPTED)
         return self._finish(outcome)
 
@@ -80,7 +80,7 @@ class Loop:
                     promised = np.fmax(promised, expected)
                 if run.history.iterations >= run.limit:
                     return Outcome(Status.ITERATION_LIMIT, outlook(run, direction), expected)
-                direction = run.problem.refined(direction, holds=run.schedule.holds)
+                direction = run.problem.models.refined(direction, holds=run.schedule.holds)
                 step = self.search(direction)
                 if step.trial is not None:
                     return self._accept(direction, step, step.trial, "; ".join([*run.remarks(), *notes]))
@@ -105,7 +105,8 @@ class Loop:
             return Outcome(Status.DERIVATIVES_FAILED, str(error))
         if refusal is None:
             return Outcome(Status.NO_DIRECTION, "; ".join(notes))
-        if promised < max(1e-10 * abs(run.problem.value), run.problem.noise, _LOST * run.problem.roughness):
+        here = run.problem.here
+        if promised < max(1e-10 * abs(here.value), here.noise, _LOST * here.roughness):
             if shifted:
                 run.set_shift(0.0)  # what is to be gained is told by a model without
                 return None
@@ -114,17 +115,17 @@ class Loop:
 
     def _accept(self, direction: Direction, step: SearchStep[Any], trial: Trial[Any], note: str) -> Outcome | None:
         run, problem = self.progress, self.progress.problem
-        decrease, expected = problem.value - trial.cost, -direction.slope
+        decrease, expected = problem.here.value - trial.cost, -direction.slope
         agreement = decrease / max(0.5 * expected, 1e-300)
         before = run.schedule
-        share = decrease / max(problem.promised(direction, step.length), 1e-300)  # NaN where nothing was promised
+        share = decrease / max(problem.steps.promised(direction, step.length), 1e-300)  # NaN where nothing was promised
         run.note_step(direction, step, decrease, agreement, trial.cost, share)
         foretold = None
         if not (run.stalled or before.wary) and step.length == 1.0 and direction.method == "newton":
             foretold = self.directions.foretold(before, expected, share)
-        problem.accept(direction, trial)
+        problem.steps.accept(direction, trial)
         if foretold is not None:
-            problem.keep_feedback(direction)
+            problem.models.keep_feedback(direction)
         return self._tell(direction, step, decrease, note) or foretold
 
     def _tell(
@@ -132,27 +133,27 @@ class Loop:
     ) -> Outcome | None:
         """Tell the history and the callback of an iteration, or of where it all starts."""
         run, problem = self.progress, self.progress.problem
-        x, u = problem.arrays()
+        x, u = problem.report.arrays()
         cut = None if step is None or step.refusal is None else step.refusal.step
         record = made(
             IterationRecord,
             iteration=run.history.iterations + (direction is not None),
             method="start" if direction is None else direction.method,
-            cost=problem.shown,
+            cost=problem.report.shown,
             expected_decrease=np.nan if direction is None else -direction.slope,
             step_length=np.nan if step is None else step.length,
-            rollouts=problem.rollouts if step is None else step.rollouts,
+            rollouts=problem.report.rollouts if step is None else step.rollouts,
             curvature_scale=0.0 if direction is None else direction.curvature_scale,
             note=note,
-            seconds=problem.clock.seconds,
+            seconds=problem.report.clock.seconds,
             x=x,
             u=u,
             snapshot=self._snapshot,
             decrease=decrease,
             shift=0.0 if direction is None else direction.shift,
             cut_at=-1 if cut is None else cut,
-            worst_step=problem.worst_step,
-            gap=problem.gap,
+            worst_step=problem.here.worst_step,
+            gap=problem.here.gap,
         )
         run.history.add(record)
         if self.callback is not None and self.callback(record):
@@ -167,21 +168,21 @@ class Loop:
     def _finish(self, outcome: Outcome) -> OptimizationResult:
         run, problem = self.progress, self.progress.problem
         # The last feedback may still have to be computed: its time belongs to the total.
-        clock = problem.clock
+        clock = problem.report.clock
         timings = dict(clock.timings)
-        result = problem.result(
+        result = problem.report.result(
             {
                 "status": outcome.status,
                 "message": message(problem, outcome),
-                "cost": problem.shown,
+                "cost": problem.report.shown,
                 "expected_decrease": outcome.expected,
                 "history": run.history.build(),
                 "timings": MappingProxyType(timings),
-                "rollouts": problem.rollouts + run.searched,
+                "rollouts": problem.report.rollouts + run.searched,
                 "settings": run.settings,
                 "schedule": run.schedule,
-                "worst_step": problem.worst_step,
+                "worst_step": problem.here.worst_step,
             }
         )
         timings["total"] = clock.seconds
-        return changed(result, memory=run.remembered(result.memory))
+        return changed(result, state=run.remembered(result.state))

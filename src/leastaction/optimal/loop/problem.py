@@ -167,50 +167,40 @@ class OneStage(Stages):
         return None
 
 
-class Problem(ABC, Generic[M, D, I]):
-    """A system, a cost and the current iterate: all that the loop knows of either kind of time.
+class Standing(Protocol):
+    """Where a search stands.
 
-    Everything computed along an iterate is kept until the next one is accepted.
+    ``value``: what is minimised there. ``roughness``: what that was seen to be off by, beyond the rounding of a sum.
+    ``worst_step``: the coarsest step of time; None where that is not known.
     """
 
-    stages: Stages
-    """What is so in this stage."""
+    value: float
+    roughness: float
+    worst_step: StepQuality | None
+
+    @property
+    def noise(self) -> float:
+        """What the value may be off: steps are not refused for that much."""
+
+    @property
+    def gap(self) -> float:
+        """The largest gap between a step's end and the next state, in parts of the states' sizes; 0 of a trajectory."""
+
+
+class DescentModels(ABC, Generic[M, D]):
+    """Quadratic models of what is minimised, where a search stands.
+
+    What is computed for them is kept until the next iterate is accepted.
+    """
+
     has_curvature: bool
     """Whether Newton's method is available."""
     tells_saddles: bool = False
-    """Whether Newton's undamped model can be trusted to tell a minimum from a saddle."""
+    """Whether Newton's undamped model can be trusted to tell a minimum from a saddle, in this stage."""
     is_drowned: bool = False
     """Whether rounding has taken from the last model what tells of its minimum: weights are too far apart."""
-    begins_again: bool = False
-    """Whether there are ways to begin again, where a search is stuck."""
-    begins_at_minimum: bool = False
-    """Whether it begins with what was found without the limits that it has now: there its model holds."""
-    note: str = ""
-    """What is to be said of where it starts."""
     largest_shift: float = 1e9
     """Of the weights of all deviations (Levenberg-Marquardt): a direction under more is not tried."""
-
-    # ---- Where it stands ------------------------------------------------------------------------
-
-    @property
-    @abstractmethod
-    def clock(self) -> Clock:
-        """What adds up the seconds of the run."""
-
-    @property
-    @abstractmethod
-    def rollouts(self) -> int:
-        """Roll-outs made so far, other than those of line searches."""
-
-    @property
-    @abstractmethod
-    def value(self) -> float:
-        """What is minimised, at the current iterate."""
-
-    @property
-    @abstractmethod
-    def shown(self) -> float:
-        """The cost of the current iterate as it is told: without what only guides the search."""
 
     @property
     @abstractmethod
@@ -219,50 +209,15 @@ class Problem(ABC, Generic[M, D, I]):
 
     @property
     @abstractmethod
-    def noise(self) -> float:
-        """What the value may be off: steps are not refused for that much."""
-
-    @property
-    @abstractmethod
-    def roughness(self) -> float:
-        """What the value was seen to be off by, beyond the rounding of its sum."""
-
-    @abstractmethod
-    def note_roughness(self, off: float) -> None:
-        """Remember what the value was seen to be off by."""
-
-    @property
-    @abstractmethod
-    def gap(self) -> float:
-        """The largest gap between a step's end and the next state, in parts of the states' sizes; 0 of a trajectory."""
-
-    @property
-    @abstractmethod
-    def worst_step(self) -> StepQuality | None:
-        """The coarsest step along the current iterate; None where that is not known."""
-
-    @property
-    @abstractmethod
     def sees_walls(self) -> bool:
-        """Whether `first_step` sees what steps are shortened for: one taken as it came says nothing of the next."""
-
-    @property
-    @abstractmethod
-    def undetermined(self) -> str:
-        """What is to be said of unknown numbers that nothing tells of, where a model has no minimum because of them."""
-
-    # ---- Directions -----------------------------------------------------------------------------
+        """Whether first steps see what steps are shortened for: one taken as it came says nothing of the next."""
 
     @abstractmethod
-    def minimise_model(self, method: str, scale: float, shift: float = 0.0) -> M:
-        """Return the minimum of a method's quadratic model, with a part of the dynamics' curvature.
+    def minimise(self, method: str, scale: float, shift: float = 0.0) -> M:
+        """Return the minimum of a method's model, with a part of the dynamics' curvature.
 
         The shift is added to the weights of all deviations.
         """
-
-    @abstractmethod
-    def direction(self, method: str, model: M, scale: float, shift: float = 0.0) -> D:
-        """Return the direction of a model that has a minimum."""
 
     @abstractmethod
     def refined(self, direction: D, *, holds: bool) -> D:
@@ -283,10 +238,20 @@ class Problem(ABC, Generic[M, D, I]):
         """Return a decrease no smaller than what is left, where rounding drowns models; infinity if nothing tells."""
 
     @abstractmethod
-    def where(self, direction: D) -> str:
-        """Return which input, and when, has most of the decrease that is expected of a direction; empty if unknown."""
+    def keep_feedback(self, direction: D) -> None:
+        """Take the direction's feedback for that of the iterate, which it hardly moved."""
 
-    # ---- Steps ----------------------------------------------------------------------------------
+    @abstractmethod
+    def forget(self) -> None:
+        """Drop all that was computed along the iterate."""
+
+
+class Steps(ABC, Generic[M, D, I]):
+    """Directions from an iterate, and steps along them: of trajectories, or of curves with gaps."""
+
+    @abstractmethod
+    def direction(self, method: str, model: M, scale: float, shift: float = 0.0) -> D:
+        """Return the direction of a model that has a minimum."""
 
     @abstractmethod
     def first_step(self, direction: D, length: float) -> float:
@@ -298,28 +263,44 @@ class Problem(ABC, Generic[M, D, I]):
 
     @abstractmethod
     def promised(self, direction: D, length: float) -> float:
-        """Return by how much the model of a direction lowers the cost over a step; NaN where that is not known."""
+        """Return by how much the model of a direction lowers what is minimised; NaN where that is not known."""
 
     @abstractmethod
     def accept(self, direction: D, trial: Trial[I]) -> None:
         """Make a trial the current iterate."""
 
+
+class SearchReport(ABC, Generic[D]):
+    """What is told of a search where it stands."""
+
+    @property
     @abstractmethod
-    def keep_feedback(self, direction: D) -> None:
-        """Take the direction's feedback for that of the iterate, which it hardly moved."""
+    def clock(self) -> Clock:
+        """What adds up the seconds of the run."""
+
+    @property
+    @abstractmethod
+    def rollouts(self) -> int:
+        """Roll-outs made so far, other than those of line searches."""
+
+    @property
+    @abstractmethod
+    def note(self) -> str:
+        """What is to be said of where it starts."""
+
+    @property
+    @abstractmethod
+    def shown(self) -> float:
+        """The cost as it is told: without what only guides the search."""
+
+    @property
+    @abstractmethod
+    def undetermined(self) -> str:
+        """What is to be said of unknown numbers that nothing tells of, where a model has no minimum because of them."""
 
     @abstractmethod
-    def forget(self) -> None:
-        """Drop all that was computed along the current iterate."""
-
-    # ---- From stage to stage, and to the end ----------------------------------------------------
-
-    @abstractmethod
-    def following(self, *, moved: bool) -> Problem[M, D, I] | None:
-        """Return the problem in its next stage, from the minimum of this one; None where there is none.
-
-        ``moved``: whether the stage made a step.
-        """
+    def where(self, direction: D) -> str:
+        """Return which input, and when, has most of the decrease that is expected of a direction; empty if unknown."""
 
     @abstractmethod
     def arrays(self) -> tuple[Array, Array]:
@@ -328,6 +309,33 @@ class Problem(ABC, Generic[M, D, I]):
     @abstractmethod
     def result(self, summary: dict[str, Any]) -> OptimizationResult:
         """Return the result at the current iterate, given all that the loop knows of it."""
+
+
+class Problem(ABC, Generic[M, D, I]):
+    """A system, a cost and the current iterate, in either kind of time: the parts that the loop asks.
+
+    ``begins_again``: whether there are ways to, where a search is stuck. ``begins_at_minimum``: whether it begins with
+    what was found without the limits that it has now: there its model holds.
+    """
+
+    here: Standing
+    models: DescentModels[M, D]
+    stages: Stages
+    report: SearchReport[D]
+    begins_again: bool = False
+    begins_at_minimum: bool = False
+
+    @property
+    @abstractmethod
+    def steps(self) -> Steps[M, D, I]:
+        """How iterates follow each other now."""
+
+    @abstractmethod
+    def following(self, *, moved: bool) -> Problem[M, D, I] | None:
+        """Return the problem in its next stage, from the minimum of this one; None where there is none.
+
+        ``moved``: whether the stage made a step.
+        """
 
 
 def along_parabola(direction: Direction, length: float) -> float:

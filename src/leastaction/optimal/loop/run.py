@@ -7,10 +7,10 @@ from typing import Any
 from leastaction.numerics.frozen import changed, made
 from leastaction.optimal.line_search import SearchStep
 from leastaction.optimal.loop.problem import Direction, Problem
-from leastaction.optimal.memory import Memory, Nearer, Resolved
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import HistoryBuilder, OptimizationResult
 from leastaction.optimal.schedule import NewtonSchedule
+from leastaction.optimal.state import Resolved, RunState, SearchState
 
 FIRST_STEPS = 14
 """First steps by which a run is judged."""
@@ -34,11 +34,10 @@ class Run:
     """How far an optimisation has come.
 
     ``problem``: standing at its current iterate. ``history``: of all iterations. ``limit``: how many there may be.
-    ``schedule``: what the choice of a direction remembers. ``taken``: the ways to begin again that were taken.
-    ``nearer``: where it ended before prices were raised. ``resolved``: what the search among motions that the steps of
-    time resolve remembers; None elsewhere. ``asked_problem``: the problem to go on with after that. ``still``: steps in
-    a row that lowered the cost by no more than its noise; ``stalled``: whether that were too many. ``remark``: what is
-    to be said of the next iteration. ``searched``: roll-outs of searches.
+    ``schedule``: what the choice of a direction remembers. ``state``: what else goes with the result.
+    ``asked_problem``: the problem to go on with after a search among motions that the steps of time resolve.
+    ``stalled``: whether too many steps in a row have lowered the cost by no more than its noise. ``searched``:
+    roll-outs of searches.
     """
 
     def __init__(
@@ -49,14 +48,10 @@ class Run:
     ) -> None:
         self.problem: Problem[Any, Any, Any] = problem
         self.settings = settings
-        self.taken: tuple[str, ...] = ()
-        self.resolved: Resolved | None = None
-        self.nearer: Nearer | None = None
+        self.state = RunState()
         self.asked_problem: Problem[Any, Any, Any] = problem
         self.searched = 0
-        self.still = 0
         self.stalled = False
-        self.remark = ""
         if resume is None:
             self.history = HistoryBuilder()
             self.limit = settings.max_iterations
@@ -65,30 +60,31 @@ class Run:
             self.history = HistoryBuilder(resume.history)
             self.limit = settings.max_iterations + resume.iterations
             self.schedule = resume.schedule
-            if resume.memory is not None:
-                self.recall(resume.memory)
+            if resume.state is not None:
+                self.recall(resume.state.run)
 
-    def recall(self, memory: Memory) -> None:
-        """Remember what an earlier run did."""
-        self.taken, self.resolved, self.nearer = memory.taken, memory.resolved, memory.nearer
-        self.still, self.remark = memory.still, memory.remark
-        self.problem.note_roughness(memory.roughness)
-        if memory.tells_saddles is not None:
-            self.problem.tells_saddles = memory.tells_saddles
-        self.stalled = self.still >= self.problem.stages.patience
+    def recall(self, state: RunState) -> None:
+        """Go on from what an earlier run remembers."""
+        self.state = state
+        self.problem.here.roughness = state.roughness
+        if state.tells_saddles is not None:
+            self.problem.models.tells_saddles = state.tells_saddles
+        self.stalled = state.still >= self.problem.stages.patience
 
-    def remembered(self, memory: Memory | None) -> Memory:
+    def remembered(self, state: SearchState | None) -> SearchState:
         """Return what resuming needs, given what it needs of the problem."""
-        return changed(
-            memory or Memory(),
-            taken=self.taken,
-            resolved=self.resolved,
-            nearer=self.nearer,
-            still=self.still,
-            roughness=self.problem.roughness,
-            tells_saddles=self.problem.tells_saddles,
-            remark=self.remark,
-        )
+        here, models = self.problem.here, self.problem.models
+        run = changed(self.state, roughness=here.roughness, tells_saddles=models.tells_saddles)
+        return changed(state or SearchState(), run=run)
+
+    @property
+    def resolved(self) -> Resolved | None:
+        """What a search among motions that the steps of time resolve remembers; None elsewhere."""
+        return self.state.resolved
+
+    def remember(self, **values: Any) -> None:
+        """Remember something else of its state."""
+        self.state = changed(self.state, **values)
 
     @property
     def is_automatic(self) -> bool:
@@ -98,7 +94,7 @@ class Run:
     @property
     def asked(self) -> float:
         """The expected decrease that is small enough in the end."""
-        return self.settings.tolerance * abs(self.problem.magnitude) + self.settings.absolute_tolerance
+        return self.settings.tolerance * abs(self.problem.models.magnitude) + self.settings.absolute_tolerance
 
     @property
     def goal(self) -> float:
@@ -118,7 +114,7 @@ class Run:
     @property
     def creeps(self) -> bool:
         """Whether so little is left to be gained that no other way is likely to be the shorter one."""
-        return self.schedule.expected <= _CREEPING * abs(self.problem.value)
+        return self.schedule.expected <= _CREEPING * abs(self.problem.here.value)
 
     @property
     def foresees_end(self) -> bool:
@@ -133,19 +129,23 @@ class Run:
 
     def set_out(self, schedule: NewtonSchedule, why: str = "") -> None:
         """Begin a stage of the problem; the note of the next iteration says why."""
-        self.still, self.stalled = 0, False
-        self.schedule = changed(schedule, spent=0)
-        self.remark = "; ".join(part for part in (self.remark, why, self.problem.stages.remark) if part)
+        self.schedule, self.stalled = changed(schedule, spent=0), False
+        remark = "; ".join(part for part in (self.state.remark, why, self.problem.stages.remark) if part)
+        self.remember(still=0, remark=remark)
 
     @property
     def began_again(self) -> bool:
         """Whether it has begun again, but for gaps."""
-        return bool(self.taken)
+        return bool(self.state.taken)
+
+    def take(self, way: str) -> None:
+        """Remember that a way was taken."""
+        if way and way not in self.state.taken:
+            self.remember(taken=(*self.state.taken, way))
 
     def begin_again(self, way: str, why: str) -> None:
         """Set out as one that has begun again by a way."""
-        if way and way not in self.taken:
-            self.taken = (*self.taken, way)
+        self.take(way)
         self.set_out(NewtonSchedule(), why)
 
     def note_failure(self, method: str) -> None:
@@ -155,7 +155,7 @@ class Run:
 
     def note_indefinite(self, scale: float) -> None:
         """Remember that a Newton model had no minimum; this part of the curvature is tried next."""
-        wary = self.schedule.expected <= _LITTLE * abs(self.problem.magnitude)
+        wary = self.schedule.expected <= _LITTLE * abs(self.problem.models.magnitude)
         self.schedule = self.schedule.after_indefinite(scale, wary=wary)
 
     def set_shift(self, shift: float) -> None:
@@ -171,12 +171,14 @@ class Run:
         ``decrease``: by how much it lowers the cost. ``agreement``: that in parts of what the model promised. ``cost``:
         that after it. ``share``: the decrease in parts of what the model had foretold of that length.
         """
-        self.still = self.still + 1 if decrease <= self.problem.noise else 0
+        still = self.state.still + 1 if decrease <= self.problem.here.noise else 0
         # Whether that is at a minimum or at a saddle is looked at before the next step.
-        self.stalled = self.still >= self.problem.stages.patience
+        self.stalled = still >= self.problem.stages.patience
+        if still != self.state.still:
+            self.remember(still=still)
         self.schedule = self.schedule.after_step(
             direction.method, direction.curvature_scale, step.length, agreement, -direction.slope, cost,
-            held=abs(share - 1.0) < _HOLDS, free=step.rollouts == 1 and self.problem.sees_walls,
+            held=abs(share - 1.0) < _HOLDS, free=step.rollouts == 1 and self.problem.models.sees_walls,
         )  # fmt: skip
 
     def doubt_model(self) -> None:
@@ -185,5 +187,8 @@ class Run:
 
     def remarks(self) -> list[str]:
         """Return what is to be said of the stage that an iteration begins."""
-        said, self.remark = [self.remark] * bool(self.remark), ""
-        return said
+        remark = self.state.remark
+        if not remark:
+            return []
+        self.remember(remark="")
+        return [remark]

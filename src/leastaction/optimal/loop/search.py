@@ -46,7 +46,7 @@ class Search:
             first = min(1.0, _LONGER * run.schedule.length)
             if direction.method == run.schedule.method:
                 first = max(first, run.schedule.reach)
-            first = problem.first_step(direction, first)
+            first = problem.steps.first_step(direction, first)
         backtracks = run.settings.max_backtracks
         name = direction.method
         if name != "steepest" and run.settings.method in ("auto", "newton"):
@@ -55,11 +55,11 @@ class Search:
             backtracks = min(backtracks, most)
         if run.trusts_its_start:
             backtracks = 0
-        with problem.clock("rollout"):
+        with problem.report.clock("rollout"):
             step = self.line_search(
-                lambda length, bound: problem.simulate(direction, length, bound),
-                value=problem.value,
-                noise=problem.noise,
+                lambda length, bound: problem.steps.simulate(direction, length, bound),
+                value=problem.here.value,
+                noise=problem.here.noise,
                 slope=direction.slope,
                 bend=direction.bend,
                 max_backtracks=backtracks,
@@ -75,15 +75,15 @@ class Search:
         by more than the rounding of a sum, and so are steep limits.
         """
         problem = self.run.problem
-        if direction.bend < 0.0 or -direction.slope > _LITTLE * abs(problem.value):
+        if direction.bend < 0.0 or -direction.slope > _LITTLE * abs(problem.here.value):
             return False
-        with problem.clock("rollout"):
-            trials = [(h, problem.simulate(direction, h, np.inf).cost) for h in _SHORTEST]
+        with problem.report.clock("rollout"):
+            trials = [(h, problem.steps.simulate(direction, h, np.inf).cost) for h in _SHORTEST]
         self.run.searched += len(trials)
-        off = max(abs(cost - problem.value - h * direction.slope) for h, cost in trials)
-        if not 2.0 * problem.noise < off <= _ROUGHEST * abs(problem.value):  # of what failed it is NaN
+        off = max(abs(cost - problem.here.value - h * direction.slope) for h, cost in trials)
+        if not 2.0 * problem.here.noise < off <= _ROUGHEST * abs(problem.here.value):  # of what failed it is NaN
             return False
-        problem.note_roughness(off)
+        problem.here.roughness = off
         return True
 
     def _down(self, direction: Direction) -> SearchStep[Any]:
@@ -108,17 +108,17 @@ class Search:
         """Return a length over which the cost bends downwards as its second derivative says; None if there is none."""
         problem = self.run.problem
         for above in _ABOVE_NOISE:
-            length = min(1.0, float(np.sqrt(above * problem.noise / -direction.bend)))
-            with problem.clock("rollout"):
-                costs = [problem.simulate(direction, side, np.inf).cost for side in (length, -length)]
+            length = min(1.0, float(np.sqrt(above * problem.here.noise / -direction.bend)))
+            with problem.report.clock("rollout"):
+                costs = [problem.steps.simulate(direction, side, np.inf).cost for side in (length, -length)]
             self.run.searched += len(costs)
             # A roll-out that failed has a cost of NaN, and says nothing.
-            if not sum(costs) - 2.0 * problem.value > _SOME * length**2 * direction.bend:
+            if not sum(costs) - 2.0 * problem.here.value > _SOME * length**2 * direction.bend:
                 return length
         return None
 
     def _least_expected(self) -> float:
         """Return the decrease of the cost that the convex model expects, without any shift."""
         problem = self.run.problem
-        model = problem.minimise_model("quasi-newton", 0.0)
-        return -problem.direction("quasi-newton", model, 0.0).slope if model.definite else np.inf
+        model = problem.models.minimise("quasi-newton", 0.0)
+        return -problem.steps.direction("quasi-newton", model, 0.0).slope if model.definite else np.inf

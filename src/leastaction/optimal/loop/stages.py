@@ -80,6 +80,6 @@ class StageSequence:
         if not was_open:
             return False
         run.set_out(NewtonSchedule(), "the gaps did not close, back to where it stood")
-        if run.was_violent and not run.problem.sees_walls:
+        if run.was_violent and not run.problem.models.sees_walls:
             self._begin(LOST, self.ways)
         return True

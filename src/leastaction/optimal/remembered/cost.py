@@ -37,7 +37,7 @@ class RememberedCost(Cost):
     def hessian(self, x: Array, u: Array) -> CostHessian:
         return self._padded(self.cost.hessian(self._own(x), u))
 
-    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+    def own_convex_hessian(self, x: Array, u: Array) -> CostHessian:
         return self._padded(self.cost.convex_hessian(self._own(x), u))
 
     @property

@@ -11,7 +11,7 @@ import numpy as np
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.optimal.cost import as_weight
 from leastaction.optimal.discrete.cost import Cost
-from leastaction.optimal.discrete.system import DiscreteSystem, told_of
+from leastaction.optimal.discrete.system import DiscreteSystem, told_of, with_parameters
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.limits.limit import Bound, FromSecond, Horizon, Limit
 from leastaction.optimal.limits.rows import Rows
@@ -100,7 +100,7 @@ class Remembered:
         return replace(result, x=read_only(self.system.extended(np.asarray(result.x), np.asarray(result.u))))
 
     def callback(self, given: Callback | None) -> Callback | None:
-        """Return a callback that tells the given one of the system's own states."""
+        """Return a callback that calls the given one with the system's own states."""
         if given is None:
             return None
 
@@ -112,6 +112,6 @@ class Remembered:
 
     def result(self, found: OptimizationResult) -> OptimizationResult:
         """Return a result in the system's own states; its feedback is what of the gains acts on these."""
-        system = self.own.with_parameters(found.unknowns) if found.unknowns else self.own
+        system = with_parameters(self.own, found.unknowns) if found.unknowns else self.own
         K = np.ascontiguousarray(found.K[:, :, : self.own.ndx])
         return replace(found, **told_of(system), x=read_only(self.system.own(found.x)), K=K)

@@ -80,11 +80,11 @@ class RateCost(AddedCost):
         own = {("input", int(i)) for i in self.places}
         self.needs = tuple(sorted(own.union(self.cost.needs)))
 
-    def stage_values(self, x: Array, u: Array, start: int) -> Array:
-        """Return the values of the stages from the first on; see `Cost`."""
+    def stage_prices(self, x: Array, u: Array, start: int) -> Array:  # noqa: ARG002 - states have none
+        """Return the prices of the stages from the first on; see `AddedCost`."""
         if start:
             raise ArgumentError(f"RateCost: {_ALONE}")
-        return np.asarray(self.cost.stage_values(x, u, 0) + 0.5 * self._rates(u) ** 2 @ self.weights)
+        return np.asarray(0.5 * self._rates(u) ** 2 @ self.weights)
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
         q, r, q_final = self.cost.gradient(x, u)
@@ -97,13 +97,13 @@ class RateCost(AddedCost):
         """Raise an error: stages are bound to each other by what is no part of the state."""
         raise ArgumentError(f"RateCost: {_ALONE}")
 
-    def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
+    def own_window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
         other = self._beside(self.cost.window(start, stop, N=N, nu=nu), stop - start)
         other.lasts = self.lasts[start:stop]
         other.before = self.before if start == 0 else None
         return other
 
-    def remembering(self, system: Any) -> Cost:
+    def own_remembering(self, system: Any) -> Cost:
         """Return the price by inputs and what is remembered of them."""
         memory = np.array([system.needs.index(("input", int(i))) for i in self.places], dtype=np.intp)
         sizes = system.N, system.nx, system.nu
@@ -143,9 +143,9 @@ class _RecalledRates(AddedCost):
         prices[0] *= first
         self.prices = read_only(prices)
 
-    def stage_values(self, x: Array, u: Array, start: int) -> Array:
+    def stage_prices(self, x: Array, u: Array, start: int) -> Array:
         squares = self._changes(x, u) ** 2 * self.prices[start : start + len(u)]
-        return np.asarray(self.cost.stage_values(x, u, start) + 0.5 * squares.sum(axis=1))
+        return np.asarray(0.5 * squares.sum(axis=1))
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
         q, r, q_final = self.cost.gradient(x, u)
@@ -155,12 +155,9 @@ class _RecalledRates(AddedCost):
         return CostGradient(q, r, q_final)
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
-        return self.model_hessian(x, u, convex=False).whole()
+        return self.own_model_hessian(x, u, convex=False).whole()
 
-    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
-        return self.model_hessian(x, u, convex=True).whole()
-
-    def model_hessian(self, x: Array, u: Array, *, convex: bool) -> ModelHessian:
+    def own_model_hessian(self, x: Array, u: Array, *, convex: bool) -> ModelHessian:
         """Return the other cost's with that of the price, which is convex, as a part of it; see `Cost`."""
         own = self.cost.model_hessian(x, u, convex=convex)
         columns = np.concatenate([self.moves, self.ndx + self.inputs])

@@ -11,12 +11,13 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import Cost
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, linearized
+from leastaction.optimal.discrete.rollout import Rollout
+from leastaction.optimal.discrete.system import DiscreteSystem, derivatives_by, linearized, with_parameters
 from leastaction.optimal.looking_back import BEFORE, TURN, LookingBack, Need, OwnQuantity, Recalled, needs_of
 from leastaction.optimal.quantity import Entries, Instants, Quantity
 from leastaction.optimal.remembered.cost import RememberedCost
 from leastaction.optimal.space import ProductSpace, Rotations, Vectors
-from leastaction.optimal.system import Linearization
+from leastaction.optimal.system import Linearization, returning_entries, returning_name, second_derivative
 
 
 class RememberingSystem(DiscreteSystem):
@@ -38,6 +39,7 @@ class RememberingSystem(DiscreteSystem):
         self.before = before
         self.n_own, self.d_own, self.N, self.nu = system.nx, system.ndx, system.N, system.nu
         self.has_curvature = system.has_curvature
+        self.quantities, self.beside = system.quantities, system.beside
         self.inputs = np.array([i for kind, i in needs if kind == "input"], dtype=np.intp)
         charts, turns = system.charts(), [i for kind, i in needs if kind == TURN]
         numbers = [i for kind, i in needs if kind == "state"] + [i + j for i in turns for j in range(4)]
@@ -98,9 +100,12 @@ class RememberingSystem(DiscreteSystem):
 
     def cost_of(self, cost: Cost) -> Cost:
         """Return a cost of the system's own states as one of those with a memory."""
-        if cost.needs:
-            return cost.remembering(self)
-        return RememberedCost(cost, (self.n_own, self.d_own, self.memory.ndx), self._nothing_before)
+        if not cost.needs:
+            return RememberedCost(cost, (self.n_own, self.d_own, self.memory.ndx), self._nothing_before)
+        found = cost.remembering(self)
+        if found is None:
+            raise NotImplementedError(f"{type(cost).__name__} needs {cost.needs}: implement `remembering`")
+        return found
 
     # ---- Steps ------------------------------------------------------------------------------------
 
@@ -113,28 +118,28 @@ class RememberingSystem(DiscreteSystem):
         return A[0], B[0]
 
     def curvature(self, x: Array, u: Array, k: int, z: Array) -> Array:
-        own = self.system.curvature(self.own(x), u, k, np.ascontiguousarray(z[: self.d_own]))
+        own = second_derivative(self.system, self.own(x), u, k, np.ascontiguousarray(z[: self.d_own]))
         return np.asarray(self._bent(own[None])[0])
 
-    def step_each(self, x: Array, u: Array) -> Rollout:
+    def own_step_each(self, x: Array, u: Array) -> Rollout:
         made = self.system.step_each(self.own(x), u)
         n = len(made.x)
         return replace(made, x=self._with(made.x, x[:n], u[:n]))
 
-    def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
+    def own_rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout | None:
         """Simulate steps as the system does, whose own way is faster, where nothing remembered is fed back."""
         if K[start:stop, :, self.d_own :].any():
-            return super().rollout(x0, xbar, ubar, K, start, stop)
+            return None
         own = np.ascontiguousarray(K[:, :, : self.d_own])
         made = self.system.rollout(self.own(x0), self.own(xbar), ubar, own, start, stop)
         n = made.steps_done
         memory = np.concatenate([x0[None, self.n_own :], self._left(made.x[:n], made.u[:n])])
         return replace(made, x=np.concatenate([made.x, memory], axis=1))
 
-    def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
+    def own_linearize(self, x: Array, u: Array, out: Linearization | None) -> Linearization:
         return self._around(linearized(self.system, self.own(x), u, None if out is None else out.memory))
 
-    def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
+    def own_linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
         return self._around(self.system.linearize_each(self.own(x), u, self.own(ends)))
 
     def _around(self, own: Linearization) -> Linearization:
@@ -168,11 +173,11 @@ class RememberingSystem(DiscreteSystem):
 
     # ---- Its start --------------------------------------------------------------------------------
 
-    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
+    def own_start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
         own = self._above(self.system.start_directions(self.own(x), free))
         return np.hstack([own, np.eye(self.ndx)[:, self.d_own + self._returning()[1]]])
 
-    def moved_start(self, x: Array, dx: Array) -> Array:
+    def own_moved_start(self, x: Array, dx: Array) -> Array:
         own = self.system.moved_start(self.own(x), np.ascontiguousarray(dx[: self.d_own]))
         return np.concatenate([own, self.memory.plus(x[self.n_own :], dx[self.d_own :])])
 
@@ -189,10 +194,11 @@ class RememberingSystem(DiscreteSystem):
     def check_start(self, x: Array) -> None:
         self.system.check_start(self.own(x))
 
-    def idle_directions(self, x: Array) -> Array:
-        return self._above(self.system.idle_directions(self.own(x)))
+    def idle_directions(self, x: Array) -> Array | None:
+        own = self.system.idle_directions(self.own(x))
+        return None if own is None else self._above(own)
 
-    def unknowns_along(self, dx: Array) -> list[str]:
+    def unknowns_along(self, dx: Array) -> list[str] | None:
         return self.system.unknowns_along(dx[: self.d_own])
 
     def _above(self, rows: Array) -> Array:
@@ -202,20 +208,22 @@ class RememberingSystem(DiscreteSystem):
     # ---- Parameters -------------------------------------------------------------------------------
 
     @property
-    def parameters(self) -> Mapping[str, float]:
+    def parameters(self) -> Mapping[str, float]:  # type: ignore[override]
+        """Those of the system."""
         return self.system.parameters
 
     def with_parameters(self, values: Mapping[str, float]) -> DiscreteSystem:
-        return RememberingSystem(self.system.with_parameters(values), self.needs, self.returning, self.before)
+        return RememberingSystem(with_parameters(self.system, values), self.needs, self.returning, self.before)
 
     def with_parameters_near(self, values: Mapping[str, float]) -> DiscreteSystem:
-        return RememberingSystem(self.system.with_parameters_near(values), self.needs, self.returning, self.before)
+        near = with_parameters(self.system, values, near=True)
+        return RememberingSystem(near, self.needs, self.returning, self.before)
 
-    def conditions_of(self, names: Sequence[str]) -> list[Quantity]:
+    def conditions_of(self, names: Sequence[str]) -> list[Quantity] | None:
         return self.system.conditions_of(names)
 
     def differentiate_by(self, x: Array, u: Array, names: Sequence[str], start: int = 0) -> Array:
-        own = self.system.differentiate_by(self.own(x), u, names, start)
+        own = derivatives_by(self.system, self.own(x), u, names, start)
         return np.concatenate([own, np.zeros((len(own), self.memory.ndx, own.shape[2]))], axis=1)
 
     def curvature_by_parameters(
@@ -233,48 +241,37 @@ class RememberingSystem(DiscreteSystem):
         own = self.system.curvature_by_final_time(self.own(x), u, weights, start)
         return None if own is None else self._bent(own, 1)
 
-    def start_by_parameters(self, x: Array, names: Sequence[str], free: bool | Sequence[str]) -> Array:
-        return self._above(self.system.start_by_parameters(self.own(x), names, free))
+    def start_by_parameters(self, x: Array, names: Sequence[str], free: bool | Sequence[str]) -> Array | None:
+        own = self.system.start_by_parameters(self.own(x), names, free)
+        return None if own is None else self._above(own)
 
-    # ---- What it is asked -------------------------------------------------------------------------
+    # ---- Names and quantities -------------------------------------------------------------------------
 
-    def when(self, k: int) -> str:
+    def own_when(self, k: int) -> str:
         return self.system.when(k)
 
-    def time(self, k: int) -> float:
+    def own_time(self, k: int) -> float:
         return self.system.time(k)
 
-    def input_name(self, i: int) -> str:
+    def own_input_name(self, i: int) -> str:
         return self.system.input_name(i)
-
-    def instant(self, t: float, what: str) -> int:
-        return self.system.instant(t, what)
 
     def resolved_rates(self) -> tuple[tuple[str, ...], Array] | None:
         return self.system.resolved_rates()
 
     def returning_entries(self, names: Sequence[str], what: str) -> list[int]:
         """Return those of the system's own state, and of what returns with them."""
-        return [*self.system.returning_entries(names, what), *(self.n_own + self._returning()[0]).tolist()]
+        return [*returning_entries(self.system, names, what), *(self.n_own + self._returning()[0]).tolist()]
 
     def returning_name(self, place: int) -> str:
         if place < self.n_own:
-            return self.system.returning_name(place)
+            return returning_name(self.system, place)
         place -= self.n_own
         (kind, i), (first, _) = max((each for each in self.at.items() if each[1][0] <= place), key=lambda each: each[1])
         i += place - first
-        return (self.system.input_name(i) if kind == "input" else self.system.returning_name(i)) + BEFORE
+        return (self.system.input_name(i) if kind == "input" else returning_name(self.system, i)) + BEFORE
 
-    @property
-    def beside(self) -> Mapping[str, str]:  # type: ignore[override]
-        """Kinds of quantities that know names which another kind does not: those of the system."""
-        return self.system.beside
-
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        return self.system.quantities
-
-    def quantity(self, kind: str) -> Quantity:
+    def own_quantity(self, kind: str, t: Array | None) -> Quantity:  # noqa: ARG002 - time goes in steps
         return self.looking(self.system.quantity(kind))
 
     def looking(self, whole: Quantity) -> Quantity:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,31 +17,15 @@ from leastaction.optimal.limits.leeway import may_be_obstacle, stands_still
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.limits.start import depths
 from leastaction.optimal.line_search import Refusal
-from leastaction.optimal.memory import Gaps, Memory, Place, Start
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.search.parts import SearchParts
 from leastaction.optimal.space import apart, sizes_of
+from leastaction.optimal.state import Begun, Gaps, Place, SearchState, Start
 
 _LOST = 10.0  # factor in cost by which a projection has lost a curve
 _LEFT_BEHIND = 0.1  # distance, in parts of the states' sizes, by which a projection has left a curve
 _AHEAD = 5  # iterations without obstacles, after which it is seen whether they stand in the way
 _LONGEST_INSTEAD = 100  # iterations with gaps that take the place of a search that was stuck
-
-
-@dataclass
-class Begun:
-    """What a search began with, and where it may begin again.
-
-    ``given``: the start, until gaps were tried from there. ``curve``: what was
-    given to begin with, where there are limits. ``wanted``: what gaps are tried from once more. ``first``:
-    the trajectory that it began with. ``earlier``: where it stood before there were gaps.
-    """
-
-    given: Start | None = None
-    curve: Start | None = None
-    wanted: Start | None = None
-    first: Start | None = None
-    earlier: Place | None = None
 
 
 class Beginning:
@@ -79,17 +62,21 @@ class Beginning:
         if self.parts.barrier is not None:
             self.parts.barrier.limited.check(self.parts.barrier.limits(), self.parts.system.when)
             self.put_limits_in(found)
-        begun = self.begun
         if self.parts.curve is None:
-            begun.first = made(Start, x=self.parts.x, u=self.parts.u)
+            self.remember(first=made(Start, x=self.parts.x, u=self.parts.u))
         if self.parts.barrier is None:
             return
-        begun.curve = made(Start, x=x, u=u)
-        if self.final_time is not None:
-            begun.given = begun.curve
-        if begun.given is not None:
-            begun.given = begun.given if found is None else changed(begun.given, was_found=True)
-            begun.wanted = self._wanted_from(begun.given)
+        curve = made(Start, x=x, u=u)
+        given = self.begun.given if self.final_time is None else curve
+        if given is None:
+            self.remember(curve=curve)
+            return
+        given = given if found is None else changed(given, was_found=True)
+        self.remember(curve=curve, given=given, wanted=self._wanted_from(given))
+
+    def remember(self, **values: Any) -> None:
+        """Remember something else of where it began, or may begin again."""
+        self.begun = changed(self.begun, **values)
 
     def _wanted_from(self, start: Start) -> Start | None:
         """Return the wanted motion, from the state that a start holds; None of another start, or if it is not known."""
@@ -105,20 +92,21 @@ class Beginning:
         if self.gapped == "never":
             self.parts.stand_at(x, u)
             return
-        begun = self.begun
-        begun.given = made(Start, x=x, u=u)
+        given = made(Start, x=x, u=u)
+        self.remember(given=given)
         failure: ProjectionError | None = None
         if self.gapped != "at once":
             try:
                 self.parts.stand_at(x, u)
                 if not (self.gapped == "where left" and self._has_left(x)):
                     lost = x.ndim == 2 and self.parts.here.value > _LOST * self.parts.plain.cost.value(x, u)
-                    begun.given = changed(begun.given, is_lost=lost) if lost else begun.given
+                    if lost:
+                        self.remember(given=changed(given, is_lost=True))
                     return
             except ProjectionError as error:
                 failure = error
             self.parts.models.forget()
-        refusal = self.parts.open(begun.given)
+        refusal = self.parts.open(given)
         if refusal is not None:
             if failure is not None:
                 raise failure
@@ -136,11 +124,10 @@ class Beginning:
 
     def resume(self, result: OptimizationResult) -> None:
         """Begin where an earlier run ended."""
-        memory, here = result.memory, self.parts.here
-        if memory is not None:
-            self.recall(memory)
-        if self.gapped != "never" and memory is not None and memory.gaps is not None:
-            self.recall_gaps(memory.gaps)
+        state, here = result.state or SearchState(), self.parts.here
+        self.recall(state.begun)
+        if self.gapped != "never" and state.gaps is not None:
+            self.recall_gaps(state.gaps)
         else:
             system = self.parts.system
             N, nx, nu = system.N, system.nx, system.nu
@@ -165,12 +152,12 @@ class Beginning:
         if isinstance(found, Refusal):
             raise ArgumentError(f"resume: {found.reason}; expected the result of a run with this system")
         curve.recall(gaps, found)
-        self.parts.tells_saddles = False
+        self.parts.models.tells_saddles = False
 
-    def recall(self, memory: Memory) -> None:
-        """Remember what an earlier run did of its way."""
-        self.begun = Begun(memory.start, memory.curve, memory.wanted, memory.first, memory.earlier)
-        self.parts.set_ease(memory.ease)
+    def recall(self, begun: Begun) -> None:
+        """Go on from where an earlier run began."""
+        self.begun = begun
+        self.parts.set_ease(begun.ease)
 
     # ---- Limits ---------------------------------------------------------------------------------
 
@@ -252,7 +239,7 @@ class Beginning:
 
         ``longest``: iterations that they have to close in.
         """
-        begun, given, here = self.begun, self.begun.given, self.parts.here
+        given, here = self.begun.given, self.parts.here
         if self.parts.ease != 1.0 or self.final_time is not None:
             return False
         if here.is_open or given is None:
@@ -272,7 +259,7 @@ class Beginning:
         if refused:
             self._try_wanted()
             return False
-        begun.earlier = now
+        self.remember(earlier=now)
         self.parts.models.forget()
         curve = self.parts.curve
         assert curve is not None
@@ -282,7 +269,7 @@ class Beginning:
 
     def _try_wanted(self) -> None:
         """Have gaps tried from the wanted motion next, where an initial state alone was given; once."""
-        self.begun.given, self.begun.wanted = self.begun.wanted, None
+        self.remember(given=self.begun.wanted, wanted=None)
 
     def leave_gaps(self) -> bool:
         """Go on over trajectories, where the gaps are closed or cannot be; whether it is where they led.
@@ -305,7 +292,8 @@ class Beginning:
             else:
                 raise
         self.parts.models.forget()
-        earlier, begun.earlier, begun.given = begun.earlier, None, None
+        earlier = begun.earlier
+        self.remember(earlier=None, given=None)
         here, minimised = self.parts.here, self.parts.minimised
         cheaper = earlier is None or minimised(here.x, here.u, here.value) < minimised(earlier.x, earlier.u)
         back = not (closed or cheaper)

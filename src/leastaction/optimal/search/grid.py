@@ -18,12 +18,8 @@ class TimeGrid(ABC):
     is_mesh: bool
 
     @abstractmethod
-    def tolerated(self, goal: float, noise: float) -> float:
+    def tolerated(self, goal: float, here: Here) -> float:
         """Return the expected decrease that is small enough, given what is so on any grid."""
-
-    @abstractmethod
-    def note_step(self) -> None:
-        """Remember that a step was made."""
 
     @abstractmethod
     def arrays(self, here: Here) -> tuple[Array, Array]:
@@ -35,11 +31,8 @@ class OwnSteps(TimeGrid):
 
     is_mesh = False
 
-    def tolerated(self, goal: float, noise: float) -> float:  # noqa: ARG002
+    def tolerated(self, goal: float, here: Here) -> float:  # noqa: ARG002
         return goal
-
-    def note_step(self) -> None:
-        pass
 
     def arrays(self, here: Here) -> tuple[Array, Array]:
         return here.x, here.u

@@ -13,14 +13,14 @@ from leastaction.numerics.arrays import Array
 from leastaction.numerics.pool import empty, zeros
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.own_projection import own_projection
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout, told_of
+from leastaction.optimal.discrete.rollout import Rollout
+from leastaction.optimal.discrete.system import DiscreteSystem, told_of
 from leastaction.optimal.iterates.curve import CurveSteps
 from leastaction.optimal.iterates.free_start import FreeStart
 from leastaction.optimal.iterates.here import Here
 from leastaction.optimal.iterates.merit import CostMerit, Merit
 from leastaction.optimal.iterates.models import Models
 from leastaction.optimal.iterates.projected import project_curve, projection_of
-from leastaction.optimal.iterates.steps import Steps
 from leastaction.optimal.iterates.trajectory import TrajectorySteps
 from leastaction.optimal.iterates.work import Work
 from leastaction.optimal.limit_report import LimitReport
@@ -29,10 +29,10 @@ from leastaction.optimal.limits.merit import BarrierMerit
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.limits.start import barrier_merit
 from leastaction.optimal.line_search import Refusal
-from leastaction.optimal.memory import Place, Start
 from leastaction.optimal.options import Options
 from leastaction.optimal.search.grid import TimeGrid
 from leastaction.optimal.space import sizes_of
+from leastaction.optimal.state import Place, Start
 
 
 class SearchParts:
@@ -41,11 +41,11 @@ class SearchParts:
     ``merit``: what is minimised, the `plain` cost of a stage or the `barrier` of the limits; ``limits``: that, where
     they have been put in. ``steps``: how iterates follow each other; ``curve``: these, where there are gaps. ``grid``:
     which times they stand for. ``asked``: the cost that is to be minimised; ``ease``: how much dearer inputs are in
-    this stage. ``tells_saddles``: as of `Problem`.
+    this stage.
 
     Parameters
     ----------
-    system, cost, settings, rows, free_start, dearer, grid, work
+    system, cost, settings, rows, free_start, final_time, dearer, grid, work
         As of `DiscreteProblem`.
     """
 
@@ -56,6 +56,7 @@ class SearchParts:
         settings: Options,
         rows: Sequence[Rows],
         free_start: bool | Sequence[str],
+        final_time: int | None,
         dearer: float,
         grid: TimeGrid,
         work: Work,
@@ -69,7 +70,7 @@ class SearchParts:
         if rows:
             self.barrier = barrier_merit(system, cost, self.rows, self.here, settings, dearer)
         own = own_projection(settings, system)
-        self.models = Models(system, self.plain, self.here, work, FreeStart(system, free_start), own)
+        self.models = Models(system, self.plain, self.here, work, FreeStart(system, free_start, final_time), own)
         self.trajectory_steps = TrajectorySteps(self.models, settings.chunk)
         self.renew()
 
@@ -90,7 +91,7 @@ class SearchParts:
         return self.models.merit
 
     @property
-    def steps(self) -> Steps:
+    def steps(self) -> CurveSteps | TrajectorySteps:
         """How iterates follow each other now."""
         return self.curve or self.trajectory_steps
 
@@ -195,7 +196,7 @@ class SearchParts:
         if isinstance(curve, Refusal):
             return curve
         steps.begin(curve)
-        self.curve, self.tells_saddles = steps, False
+        self.curve, self.models.tells_saddles = steps, False
         return None
 
     def forget_gaps(self) -> None:
@@ -232,7 +233,7 @@ class SearchParts:
             matters = matters and (stages.is_last or self.limits.duals.leeway.is_lent)
             # Along a limit that is bent there is a way down from a saddle as far as its barrier is soft: later, none.
             matters = matters or of_bent
-        self.tells_saddles = self.system.has_curvature and matters
+        self.models.tells_saddles = self.system.has_curvature and matters
 
     def set_out(self) -> None:
         """Begin a stage: another cost, the same dynamics."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from leastaction.numerics.pool import empty
 from leastaction.optimal.iterates.curve import LONGEST_WITH_GAPS
+from leastaction.optimal.limits.sides import some
 from leastaction.optimal.loop import Stages
 from leastaction.optimal.result import Status
 from leastaction.optimal.search.beginning import Beginning
@@ -85,7 +86,7 @@ class DiscreteStages(Stages):
             goal = parts.curve.tolerated(goal)
         elif parts.ease != 1.0:
             goal = max(goal, _LOOSE * abs(parts.here.value))
-        return parts.grid.tolerated(goal, parts.here.noise)
+        return parts.grid.tolerated(goal, parts.here)
 
     def relent(self) -> bool:
         """Make a stage again that led nowhere, otherwise; return whether there is another way.
@@ -134,8 +135,8 @@ class DiscreteStages(Stages):
         after = limits.duals.y.flat
         limits.forget_room()  # it is one of other prices, even where there is no more
         if more:
-            moved_duals = np.count_nonzero(np.not_equal(before, after, out=empty(after.shape, np.bool_)))
-            curvature = None if moved_duals else models.curvature
+            are_others = some(np.not_equal(before, after, out=empty(after.shape, np.bool_)))
+            curvature = None if are_others else models.curvature
             parts.set_out()
             models.curvature = curvature  # of the same duals
         return more

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -10,24 +10,71 @@ from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import changed, made
 from leastaction.optimal.discrete.linear_quadratic import regulate
-from leastaction.optimal.memory import Memory
+from leastaction.optimal.iterates.direction import DiscreteDirection
+from leastaction.optimal.loop import Clock, SearchReport
 from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.search.beginning import Begun
+from leastaction.optimal.search.beginning import Beginning
 from leastaction.optimal.search.parts import SearchParts
+from leastaction.optimal.state import Begun, SearchState
 
 _NOTHING: Mapping[str, float] = MappingProxyType({})
 
 
-def told(parts: SearchParts, begun: Begun, summary: dict[str, Any]) -> OptimizationResult:
+class DiscreteReport(SearchReport[DiscreteDirection]):
+    """What is told of a search in steps of time; ``results``: returns another result than that of these, if given."""
+
+    def __init__(
+        self,
+        parts: SearchParts,
+        beginning: Beginning,
+        results: Callable[[dict[str, Any]], OptimizationResult] | None = None,
+    ) -> None:
+        self.parts, self.beginning, self.results = parts, beginning, results
+
+    @property
+    def clock(self) -> Clock:
+        return self.parts.work.clock
+
+    @property
+    def rollouts(self) -> int:
+        return self.parts.work.rollouts
+
+    @property
+    def note(self) -> str:
+        return self.beginning.note
+
+    @property
+    def shown(self) -> float:
+        return self.parts.shown
+
+    @property
+    def undetermined(self) -> str:
+        return self.parts.models.start.undetermined
+
+    def where(self, direction: DiscreteDirection) -> str:
+        return self.parts.models.where(direction)
+
+    def arrays(self) -> tuple[Array, Array]:
+        return self.parts.grid.arrays(self.parts.here)
+
+    def result(self, summary: dict[str, Any]) -> OptimizationResult:
+        if self.results is not None:
+            return self.results(summary)
+        return _result(self.parts, self.beginning.begun, summary)
+
+
+def _result(parts: SearchParts, begun: Begun, summary: dict[str, Any]) -> OptimizationResult:
     """Return the result in steps of time: at the iterate, or where it stood before, while there are gaps."""
     feedback = parts.models.feedback
     if feedback is None:
         feedback = _final_feedback(parts)
-    here, before, curve = parts.here, begun.earlier if parts.here.is_open else None, parts.curve
+    here, before = parts.here, begun.earlier if parts.here.is_open else None
+    gaps = None if parts.curve is None else parts.curve.state()
+    state = made(SearchState, begun=changed(begun, ease=parts.ease), gaps=gaps)
     result = made(
         OptimizationResult,
         x=here.x, u=here.u, K=read_only(feedback), projection_gain=read_only(here.gain), unknowns=_NOTHING,
-        gap=0.0 if curve is None else curve.gap, memory=_memory(parts, begun),
+        gap=here.gap, state=state,
         limits=parts.report(before) if parts.rows else None, **summary, **parts.about,
     )  # fmt: skip
     if before is None:
@@ -45,13 +92,3 @@ def _final_feedback(parts: SearchParts) -> Array:
         return solution.K if solution.definite else regulate(*parts.models.linearize())
     except LeastActionError:
         return parts.here.gain
-
-
-def _memory(parts: SearchParts, begun: Begun) -> Memory:
-    """Return what resuming needs beside the iterate."""
-    curve = parts.curve
-    return made(
-        Memory,
-        start=begun.given, curve=begun.curve, wanted=begun.wanted, first=begun.first, earlier=begun.earlier,
-        ease=parts.ease, gaps=None if curve is None else curve.memory(),
-    )  # fmt: skip

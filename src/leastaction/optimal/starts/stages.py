@@ -1,4 +1,4 @@
-"""What the ways to a first trajectory tell: a record of every stage, a table of them, and how it all ended."""
+"""What searches for a first trajectory report: a record of every stage, a table of them, and how the search ended."""
 
 from __future__ import annotations
 
@@ -162,12 +162,12 @@ def check_last_limits(system: DiscreteSystem, options: Mapping[str, Any]) -> Non
 
 
 class StartStages:
-    """Makes stages and tells of them: the part that is the same in every search for a start.
+    """Makes stages and reports them: the part that is the same in every search for a start.
 
     Parameters
     ----------
     callback : callable or None
-        Told of every stage; a true answer ends the search.
+        Called with the record of every stage; a true answer ends the search.
     earlier : tuple of StageRecord
         Those of a search that goes on.
 

@@ -16,7 +16,7 @@ from leastaction.optimal.unknowns.extended import Extended
 from leastaction.optimal.unknowns.quantity import QuantityOfUnknowns
 from leastaction.optimal.unknowns.unknown import Unknown
 
-_BORDER, _OFF = 1e-9, 1e-3  # of what is large for a condition is at its border, and how far inside of it is a start
+_BORDER, _OFF = 1e-9, 1e-3  # largest distance at which a condition is active, and that of a start; both relative
 
 
 def rows_of_condition(

@@ -22,7 +22,7 @@ class ExtendedCost(Cost):
 
     def __init__(self, cost: Cost, unknowns: Sequence[Unknown], wanted: Array, system: ExtendedSystem) -> None:
         self.cost, self.system, self.n_own, self.nx = cost, system, system.d_own, system.ndx
-        self.unknowns = slice(system.n_own, system.at_copies)  # in a state, and in a difference of states
+        self.unknowns = slice(system.n_own, system.layout.at_copies)  # in a state, and in a difference of states
         self.changes = slice(system.d_own, system.d_own + len(system.names))
         self.price = np.array([each.price for each in unknowns])
         self.weight = np.array([each.weight for each in unknowns])
@@ -48,11 +48,11 @@ class ExtendedCost(Cost):
     def hessian(self, x: Array, u: Array) -> CostHessian:
         return self._extended(self.cost.hessian(read_only(self.system.own(x)), u), self.weight)
 
-    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+    def own_convex_hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the cost's own, and a curvature of the final time, which the cost is linear in.
 
-        Of a motion that begins at rest no model tells how much longer it should last: with that of ``T log T`` steps
-        are no longer than what holds.
+        A motion that begins at rest has no curvature by its duration: with that of ``T log T`` the model holds as far
+        as its steps lead.
         """
         weight, time = self.weight, self.system.final_time
         if time is not None:
@@ -75,7 +75,7 @@ class ExtendedCost(Cost):
         n, end = self.n_own, self.changes.stop
         whole = np.zeros((*rows.shape[:-1], self.nx))
         whole[..., :n] = rows
-        whole[..., end : end + len(self.system.copied)] = rows[..., self.system.kept_moves]
+        whole[..., end : end + len(self.system.copied)] = rows[..., self.system.layout.kept_moves]
         return whole
 
     def padded(self, weight: Array) -> Array:

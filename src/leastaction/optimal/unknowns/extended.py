@@ -15,12 +15,13 @@ import numpy as np
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.differences import fourth_order
 from leastaction.optimal.loop import Callback
-from leastaction.optimal.quantity import Entries, as_slice
+from leastaction.optimal.quantity import Entries, Instants
 from leastaction.optimal.result import IterationRecord, OptimizationResult
 from leastaction.optimal.system import FINAL_TIME, System
+from leastaction.optimal.unknowns.layout import ConstantsLayout
 
-_PART = 1e-3  # of a parameter, by which it is moved for differences
-_SOME = 1e-3  # of the largest entry of a direction is one that belongs to it
+_PART = 1e-3  # step of differences by a parameter, in parts of its value
+_SOME = 1e-3  # least entry of a direction that counts, in parts of the largest
 
 
 class Extended(System):
@@ -45,21 +46,10 @@ class Extended(System):
         turns: Sequence[tuple[int, int]] = (),
     ) -> None:
         self.system, self.names, self.free_start = system, tuple(parameters), free_start
-        self.copied = np.array(copied, dtype=np.intp)
-        self.copied_moves = self.copied if moves is None else np.array(moves, dtype=np.intp)
-        self.turns = np.array(turns, dtype=np.intp).reshape(-1, 2)
         self.n_own, self.d_own, self.nu = system.nx, system.ndx, system.nu
-        self.at_copies, self.at_copied_moves = self.n_own + len(self.names), self.d_own + len(self.names)
-        self.at_turns = self.at_copies + len(self.copied)
-        self.nx = self.at_turns + 4 * len(self.turns)
-        self.has_curvature = system.has_curvature
-        # As a slice, which copies nothing, where they follow each other.
-        self.kept: Any = as_slice(self.copied)
-        self.kept_moves: Any = as_slice(self.copied_moves)
-        turned = np.arange(4), np.arange(3)
-        self.turned, self.turned_moves = (
-            (first[:, None] + each).ravel() for first, each in zip(self.turns.T, turned, strict=True)
-        )
+        self.layout = ConstantsLayout.of(system, len(self.names), copied, moves, turns)
+        self.nx = self.layout.at_turns + 4 * len(self.layout.turns)
+        self.has_curvature, self.quantities = system.has_curvature, (*system.quantities, "unknown")
         # How the system's own state follows from the extended one.
         own = np.eye(self.n_own)
         self.moves = np.hstack([own, np.zeros((self.n_own, len(self.names))), own[:, self.copied]])
@@ -67,13 +57,18 @@ class Extended(System):
         if not isinstance(free_start, bool):
             free = set(system.free_entries(free_start))
         self._told = np.zeros(self.n_own if moves is None else self.d_own, dtype=np.bool_)  # by equations, of the start
-        told = [move for number, move in zip(self.copied, self.copied_moves, strict=True) if int(number) in free]
+        told = [move for number, move in zip(self.copied, self.layout.copied_moves, strict=True) if int(number) in free]
         self._told[told] = True
-        for number, move in self.turns.tolist():
+        for number, move in self.layout.turns.tolist():
             self._told[move : move + 3] = number in free
         # Where the entries of [y; u] are among those of [x; p; u]: c moves what is kept.
-        inputs = self.at_copied_moves + np.arange(self.nu)
-        self._places = np.concatenate([np.arange(self.at_copied_moves), self.copied_moves, inputs])
+        inputs = self.layout.at_copied_moves + np.arange(self.nu)
+        self._places = np.concatenate([np.arange(self.layout.at_copied_moves), self.layout.copied_moves, inputs])
+
+    @property
+    def copied(self) -> Instants:
+        """Entries of the system's own state whose first values are kept."""
+        return self.layout.copied
 
     @property
     def final_time(self) -> int | None:
@@ -100,23 +95,23 @@ class Extended(System):
 
     def values(self, x: Array) -> Array:
         """Return the parameters (P,) of a state (nx,)."""
-        return np.asarray(x[self.n_own : self.at_copies])
+        return np.asarray(x[self.n_own : self.layout.at_copies])
 
     def own(self, x: Array) -> Array:
         """Return the system's own states of such of the extended system."""
         own = x[..., : self.n_own].copy()
         if len(self.copied):
-            own[..., self.kept] += x[..., self.at_copies : self.at_turns]
+            own[..., self.layout.kept] += x[..., self.layout.at_copies : self.layout.at_turns]
         return own
 
     def extended(self, x: Array, values: Array) -> Array:
         """Return states (nx,) or (N+1, nx) for such of the system, with values of the parameters (P,)."""
-        first = (x if x.ndim == 1 else x[0])[self.kept]
+        first = (x if x.ndim == 1 else x[0])[self.layout.kept]
         whole = np.empty((*x.shape[:-1], self.nx))
-        whole[..., : self.n_own], whole[..., self.n_own : self.at_copies] = x, values
-        whole[..., self.at_copies : self.at_turns] = first
-        whole[..., self.kept] -= first
-        whole[..., self.at_turns :] = (x if x.ndim == 1 else x[0])[self.turned]
+        whole[..., : self.n_own], whole[..., self.n_own : self.layout.at_copies] = x, values
+        whole[..., self.layout.at_copies : self.layout.at_turns] = first
+        whole[..., self.layout.kept] -= first
+        whole[..., self.layout.at_turns :] = (x if x.ndim == 1 else x[0])[self.layout.turned]
         return whole
 
     # ---- Derivatives ------------------------------------------------------------------------------
@@ -140,16 +135,16 @@ class Extended(System):
     def _by_extended(self, H: Array) -> Array:
         """Return second derivatives by ``[y; u]``, given those by ``[x; p; u]``."""
         moved = H[:, self._places[:, None], self._places] if len(self.copied) else H
-        if not len(self.turns):
+        if not len(self.layout.turns):
             return moved
-        at = np.concatenate([np.arange(self.ndx - 3 * len(self.turns)), self.ndx + np.arange(self.nu)])
+        at = np.concatenate([np.arange(self.ndx - 3 * len(self.layout.turns)), self.ndx + np.arange(self.nu)])
         whole = np.zeros((len(H), self.ndx + self.nu, self.ndx + self.nu))
         whole[:, at[:, None], at] = moved
         return whole
 
     # ---- Its start --------------------------------------------------------------------------------
 
-    def start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
+    def own_start_directions(self, x: Array, free: Sequence[str] | None) -> Array:
         del free
         n, count = self.d_own, len(self.names)
         own = self.own(x)
@@ -158,38 +153,37 @@ class Extended(System):
         else:
             names = None if isinstance(self.free_start, bool) else self.free_start
             Z = self.system.start_directions(own, names)
-            # What only the equations tell of, if they do.
-            idle = self.system.idle_directions(own) if self._told.any() else np.zeros((n, 0))
-            if idle.shape[1] and self._told[idle.any(axis=1)].all():
+            # Directions that only the equations of a return determine, if they do.
+            idle = self.system.idle_directions(own) if self._told.any() else None
+            if idle is not None and idle.shape[1] and self._told[idle.any(axis=1)].all():
                 Z = np.hstack([Z, idle])
         whole = np.zeros((self.ndx, Z.shape[1] + count))
         whole[:n, : Z.shape[1]] = Z
         if count:
             system = self.at(self.values(x))
-            whole[:n, Z.shape[1] :] = system.start_by_parameters(own, self.names, self.free_start)
+            by = system.start_by_parameters(own, self.names, self.free_start)
+            whole[:n, Z.shape[1] :] = 0.0 if by is None else by
             whole[n : n + count, Z.shape[1] :] = np.eye(count)
         copies = n + count + len(self.copied)
-        whole[n + count : copies] = whole[self.kept_moves]
-        whole[self.kept_moves] = 0.0
-        whole[copies:] = whole[self.turned_moves]
+        whole[n + count : copies] = whole[self.layout.kept_moves]
+        whole[self.layout.kept_moves] = 0.0
+        whole[copies:] = whole[self.layout.turned_moves]
         return whole
 
-    def moved_start(self, x: Array, dx: Array) -> Array:
+    def own_moved_start(self, x: Array, dx: Array) -> Array:
         values = self.values(x) + dx[self.d_own : self.d_own + len(self.names)]
         own = self.own(x)
         if self.free_start is not False:
             change = dx[: self.d_own].copy()
-            change[self.kept_moves] += dx[self.at_copied_moves : self.at_copied_moves + len(self.copied)]
+            change[self.layout.kept_moves] += dx[
+                self.layout.at_copied_moves : self.layout.at_copied_moves + len(self.copied)
+            ]
             own = self.at(values).moved_start(own, change)
         return self.extended(own, values)
 
-    # ---- What it is asked -------------------------------------------------------------------------
+    # ---- Names and quantities -------------------------------------------------------------------------
 
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        return (*self.system.quantities, "unknown")
-
-    def input_name(self, i: int) -> str:
+    def own_input_name(self, i: int) -> str:
         name: str = self.system.input_name(i)
         return name
 
@@ -199,7 +193,7 @@ class Extended(System):
 
     def unknown_quantity(self) -> Entries:
         """Return the parameters as a quantity."""
-        return Entries(self.names, range(self.n_own, self.at_copies), of_state=True)
+        return Entries(self.names, range(self.n_own, self.layout.at_copies), of_state=True)
 
 
 def told_in_own_states(
@@ -207,7 +201,7 @@ def told_in_own_states(
     own: Callable[[Array], Array],
     result: Callable[[OptimizationResult], OptimizationResult],
 ) -> Callback | None:
-    """Return a callback that tells the given one of the system's own states.
+    """Return a callback that calls the given one with the system's own states.
 
     ``own``, ``result``: return extended states, and a result of these, as ones of the system.
     """

@@ -58,7 +58,7 @@ class Extension:
         self.system = ExtendedSystem(system, names, sorted(copied) if self.first == 0 else [], free_start)
         self.cost = ExtendedCost(cost, unknowns, wanted, self.system)
         self.system.at(self.guess)  # values that cannot be are named before anything is done
-        self.conditions = system.conditions_of(names)
+        self.conditions = system.conditions_of(names) or []
         for condition in self.conditions:
             self.guess = off_the_border(condition, self.guess)
 
@@ -153,7 +153,7 @@ class Extension:
     # ---- And back ---------------------------------------------------------------------------------
 
     def callback(self, given: Callback | None) -> Callback | None:
-        """Return a callback that tells the given one of the system's own states."""
+        """Return a callback that calls the given one with the system's own states."""
         return told_in_own_states(given, lambda x: self.system.own(x), self.result)
 
     def result(self, found: OptimizationResult) -> OptimizationResult:

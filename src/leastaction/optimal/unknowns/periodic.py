@@ -15,7 +15,7 @@ from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.looking_back import BEFORE
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
-from leastaction.optimal.system import System
+from leastaction.optimal.system import System, returning_entries, returning_name
 from leastaction.optimal.unknowns.extended import Extended
 from leastaction.optimal.unknowns.returning import TurnedBack
 
@@ -71,7 +71,7 @@ class Periodic(Limit):
         """Return the places of the entries in the state of a system."""
         known = system.quantity("state").names
         patterns = (self.names,) if isinstance(self.names, str) else tuple(self.names)
-        places = system.returning_entries(patterns, str(self))
+        places = returning_entries(system, patterns, str(self))
         if not places:
             raise ArgumentError(f"{self}: got no names")
         chosen = [known[i] for i in places if i < len(known)]
@@ -92,7 +92,7 @@ class Periodic(Limit):
         own: System = extended.system
         entries = set(self.entries(own))
         places = np.array([i for i in extended.copied.tolist() if i in entries], dtype=np.intp)
-        labels = [own.returning_name(i) for i in places.tolist()]
+        labels = [returning_name(own, i) for i in places.tolist()]
         names = [label.removesuffix(BEFORE) for label in labels]
         rows = []
         for turning in (False, True):
@@ -118,8 +118,8 @@ class Periodic(Limit):
     def _turned_back(self, extended: Extended, entries: set[int]) -> TurnedBack | None:
         """Return the rotations that return, by what each is off from the first."""
         own: System = extended.system
-        chosen = [j for j, first in enumerate(extended.turns[:, 0].tolist()) if first in entries]
-        numbers = [own.returning_name(i) for j in chosen for i in range(*_four(extended.turns[j, 0]))]
+        chosen = [j for j, first in enumerate(extended.layout.turns[:, 0].tolist()) if first in entries]
+        numbers = [returning_name(own, i) for j in chosen for i in range(*_four(extended.layout.turns[j, 0]))]
         for what in ("offset", "modulo"):
             for name in getattr(self, what):
                 if name in numbers:
@@ -129,9 +129,9 @@ class Periodic(Limit):
                     )
         if not chosen:
             return None
-        copies, directions = extended.at_turns, extended.at_copied_moves + len(extended.copied)
-        at = np.array([[extended.turns[j, 0], copies + 4 * j] for j in chosen], dtype=np.intp)
-        moves = np.array([[extended.turns[j, 1], directions + 3 * j] for j in chosen], dtype=np.intp)
+        copies, directions = extended.layout.at_turns, extended.layout.at_copied_moves + len(extended.copied)
+        at = np.array([[extended.layout.turns[j, 0], copies + 4 * j] for j in chosen], dtype=np.intp)
+        moves = np.array([[extended.layout.turns[j, 1], directions + 3 * j] for j in chosen], dtype=np.intp)
         return TurnedBack([name for i, name in enumerate(numbers) if i % 4], at, moves)
 
 

@@ -36,9 +36,10 @@ class ExtendedQuantity(QuantityView):
         super().__init__(own)
         self.system, self.of, self.changing = system, of, changing
         self.fixed = not len(changing)
-        n, nx, nu, copied, at = system.d_own, system.ndx, system.nu, system.copied_moves, system.at_copied_moves
+        n, nx, nu, layout = system.d_own, system.ndx, system.nu, system.layout
+        copied, at = layout.copied_moves, layout.at_copied_moves
         if own.by_entries:
-            n, nx, copied, at = system.n_own, system.nx, system.copied, system.at_copies
+            n, nx, copied, at = system.n_own, system.nx, layout.copied, layout.at_copies
         places = self._own_places(n, nu)
         # How the system's own entries and the parameters follow from entries of the extended system.
         count = len(self.changing)
@@ -132,7 +133,7 @@ class QuantityOfUnknowns(QuantityElsewhere):
 
     def __init__(self, system: Extended, whole: Quantity) -> None:
         super().__init__(whole)
-        self.places, self.by_entries = np.arange(system.n_own, system.at_copies), False
+        self.places, self.by_entries = np.arange(system.n_own, system.layout.at_copies), False
         self.changes = np.arange(system.d_own, system.d_own + len(system.names))
 
     def instants(self, k: Instants) -> Instants:

@@ -18,10 +18,11 @@ import numpy.typing as npt
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.discrete.system import DiscreteSystem, Rollout
+from leastaction.optimal.discrete.rollout import Rollout
+from leastaction.optimal.discrete.system import DiscreteSystem, derivatives_by, with_parameters
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.space import ProductSpace, Rotations, Vectors, apart
-from leastaction.optimal.system import FINAL_TIME, Linearization
+from leastaction.optimal.system import FINAL_TIME, Linearization, second_derivative
 from leastaction.optimal.unknowns.extended import Extended, by_differences
 from leastaction.optimal.unknowns.returning import Returning
 
@@ -49,20 +50,20 @@ class ExtendedSystem(Extended, DiscreteSystem):
         )
         self.N = system.N
         own = np.eye(self.d_own)
-        nothing = np.zeros((self.d_own, len(self.names))), np.zeros((self.d_own, len(self.turned_moves)))
-        self.moves = np.hstack([own, nothing[0], own[:, self.copied_moves], nothing[1]])
+        nothing = np.zeros((self.d_own, len(self.names))), np.zeros((self.d_own, len(self.layout.turned_moves)))
+        self.moves = np.hstack([own, nothing[0], own[:, self.layout.copied_moves], nothing[1]])
         charts, self._constants = system.charts(), None
         if charts is not None:
             self._constants = ProductSpace(
-                Vectors(len(self.names) + len(self.copied)), *(Rotations() for _ in self.turns)
+                Vectors(len(self.names) + len(self.copied)), *(Rotations() for _ in self.layout.turns)
             )
             self.space = ProductSpace(charts, self._constants)
 
     def at(self, values: Array) -> DiscreteSystem:
-        return self.system.with_parameters(self.named(values)) if self.names else self.system
+        return with_parameters(self.system, self.named(values)) if self.names else self.system
 
     def near(self, values: Array) -> DiscreteSystem:
-        return self.system.with_parameters_near(self.named(values)) if self.names else self.system
+        return with_parameters(self.system, self.named(values), near=True) if self.names else self.system
 
     def start_time(self) -> float:
         return self.system.time(0)
@@ -71,7 +72,7 @@ class ExtendedSystem(Extended, DiscreteSystem):
 
     def f(self, x: Array, u: Array, k: int) -> Array:
         own = self.at(self.values(x)).f(self.own(x), u, k)
-        own[self.kept] -= x[self.at_copies : self.at_turns]
+        own[self.layout.kept] -= x[self.layout.at_copies : self.layout.at_turns]
         return np.concatenate([own, x[self.n_own :]])
 
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
@@ -84,7 +85,7 @@ class ExtendedSystem(Extended, DiscreteSystem):
         step = np.stack([own, system.f(own, u, k)])
         H, by_time = self._by_final_time(system, step, u[None], weights, k)
         if H is None:
-            H = system.curvature(own, u, k, weights[0])[None]
+            H = second_derivative(system, own, u, k, weights[0])[None]
         along = self._read_at(step[1:], partial(self._of_step, x=own, u=u, k=k), lambda s: s.f(own, u, k)[None])
         exact = self._by_parameters(system, step, u[None], weights, k)
         return np.asarray(self._second(H, by_time, values, along, weights, exact)[0])
@@ -95,10 +96,10 @@ class ExtendedSystem(Extended, DiscreteSystem):
         A, B = system.derivatives(x, u, k)
         by = np.empty((1, self.d_own, 0))
         if self.names:
-            by = system.differentiate_by(np.stack([x, system.f(x, u, k)]), u[None], self.names, k)
+            by = derivatives_by(system, np.stack([x, system.f(x, u, k)]), u[None], self.names, k)
         return A[None], B[None], by
 
-    def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
+    def own_rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
         n, d, constants = self.n_own, self.d_own, x0[self.n_own :]
         try:
             system = self.at(self.values(x0))
@@ -108,15 +109,15 @@ class ExtendedSystem(Extended, DiscreteSystem):
         # Constants stay, so their feedback is known beforehand.
         u, gain = ubar.copy(), K[part, :, d:].copy()
         copies = slice(len(self.names), len(self.names) + len(self.copied))
-        gain[:, :, copies] -= K[part][:, :, self.kept_moves]
+        gain[:, :, copies] -= K[part][:, :, self.layout.kept_moves]
         u[part] -= np.einsum("kij,kj->ki", gain, apart(self._constants, constants[None], xbar[part, n:]))
         out = system.rollout(self.own(x0), self.own(xbar), u, K[:, :, :d], start, stop)
         x = np.empty((len(out.x), self.nx))
         x[:, :n], x[:, n:] = out.x, constants
-        x[:, self.kept] -= x0[self.at_copies : self.at_turns]
+        x[:, self.layout.kept] -= x0[self.layout.at_copies : self.layout.at_turns]
         return Rollout(x, out.u, out.steps_done, out.failure, out.worst_step, out.worst_at)
 
-    def step_each(self, x: Array, u: Array) -> Rollout:
+    def own_step_each(self, x: Array, u: Array) -> Rollout:
         """Make every step of a curve, whose parameters and kept entries are those of its first state throughout."""
         try:
             system = self.at(self.values(x[0]))
@@ -124,12 +125,12 @@ class ExtendedSystem(Extended, DiscreteSystem):
             return Rollout(x[:0], u[:0], 0, f"{self.when(0)}: {error}")
         made = system.step_each(self.own(x), u)
         ends = np.hstack([made.x, x[: len(made.x), self.n_own :]])
-        ends[:, self.kept] -= ends[:, self.at_copies : self.at_turns]
+        ends[:, self.layout.kept] -= ends[:, self.layout.at_copies : self.layout.at_turns]
         return replace(made, x=ends)
 
     # ---- Derivatives ------------------------------------------------------------------------------
 
-    def linearize(self, x: Array, u: Array, out: Linearization | None = None) -> Linearization:
+    def own_linearize(self, x: Array, u: Array, out: Linearization | None) -> Linearization:
         own, values, u = self.own(x), self.values(x[0]).copy(), u.copy()
         system = self.at(values)
         # A system with other parameters is another one, which cannot use the memory of the last.
@@ -151,7 +152,7 @@ class ExtendedSystem(Extended, DiscreteSystem):
 
         return Linearization(A, B, second, lin, self._pattern(lin, out))
 
-    def linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
+    def own_linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization:
         """Return the same of a curve, whose parameters and kept entries are those of its first state throughout."""
         own, values, u = self.own(x), self.values(x[0]).copy(), u.copy()
         system = self.at(values)
@@ -188,7 +189,7 @@ class ExtendedSystem(Extended, DiscreteSystem):
         """Return derivatives (N, nx of the system, P) by the parameters of steps, given by both ends (N, 2, nx)."""
         if not self.names:
             return np.empty((len(u), self.d_own, 0))
-        found = [system.differentiate_by(step, u[k : k + 1], self.names, k) for k, step in enumerate(steps)]
+        found = [derivatives_by(system, step, u[k : k + 1], self.names, k) for k, step in enumerate(steps)]
         return np.concatenate(found)
 
     def _pattern(self, own: Linearization, last: Linearization | None) -> npt.NDArray[np.bool_] | None:
@@ -199,8 +200,8 @@ class ExtendedSystem(Extended, DiscreteSystem):
             return last.pattern
         n, ones = self.d_own, np.ones((1, self.d_own, len(self.names)))
         A, B = self._extended(own.pattern[None, :, :n].astype(float), own.pattern[None, :, n:].astype(float), ones)
-        copies = slice(self.at_copied_moves, self.at_copied_moves + len(self.copied))
-        A[0, :n, copies] = own.pattern[:, self.copied_moves] | np.eye(n, dtype=bool)[:, self.copied_moves]
+        copies = slice(self.layout.at_copied_moves, self.layout.at_copied_moves + len(self.copied))
+        A[0, :n, copies] = own.pattern[:, self.layout.copied_moves] | np.eye(n, dtype=bool)[:, self.layout.copied_moves]
         return np.asarray(np.concatenate([A[0], B[0]], axis=1) != 0.0)
 
     def _by_parameters(self, system: DiscreteSystem, x: Array, u: Array, z: Array, start: int = 0) -> Array | None:
@@ -222,8 +223,8 @@ class ExtendedSystem(Extended, DiscreteSystem):
         np.einsum("kii->ki", whole)[:, n:] = 1.0
         if len(self.copied):
             copies = np.arange(end, end + len(self.copied))
-            whole[:, :n, copies] = A[:, :, self.kept_moves]
-            whole[:, self.copied_moves, copies] -= 1.0
+            whole[:, :n, copies] = A[:, :, self.layout.kept_moves]
+            whole[:, self.layout.copied_moves, copies] -= 1.0
         return whole, inputs
 
     def _read_at(self, ends: Array | None, along: Along, steps: Callable[[DiscreteSystem], Array]) -> Along:
@@ -279,18 +280,16 @@ class ExtendedSystem(Extended, DiscreteSystem):
             twice[:, j, j] = by_time[:, -1]
         return self._joined(H, once, twice)
 
-    # ---- What it is asked -------------------------------------------------------------------------
+    # ---- Names and quantities -------------------------------------------------------------------------
 
-    def when(self, k: int) -> str:
+    def own_when(self, k: int) -> str:
         return self.system.when(k)
 
-    def time(self, k: int) -> float:
+    def own_time(self, k: int) -> float:
         return self.system.time(k)
 
-    def quantity(self, kind: str) -> Quantity:
-        if kind != "unknown":
-            return self.system.quantity(kind)
-        return self.unknown_quantity()
+    def own_quantity(self, kind: str, t: Array | None) -> Quantity:  # noqa: ARG002 - time goes in steps
+        return self.unknown_quantity() if kind == "unknown" else self.system.quantity(kind)
 
 
 def _together(parts: list[Array | None]) -> Array | None:

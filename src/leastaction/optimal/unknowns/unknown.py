@@ -59,7 +59,7 @@ class Unknown:
             )
 
     def __str__(self) -> str:
-        return f"{type(self).__name__}({self.name!r})"
+        return "FinalTime" if self.name == FINAL_TIME else f"{type(self).__name__}({self.name!r})"
 
     def value_of(self, system: System, horizon: tuple[float, float] | None = None) -> float:
         """Return the value that a system has, or of the final time a horizon (s) in continuous time.
@@ -67,7 +67,7 @@ class Unknown:
         Raises
         ------
         ArgumentError
-            If it has no such number.
+            If it has no such number, or for a final time that is not after the first.
         """
         known = system.parameters if horizon is None else {**system.parameters, FINAL_TIME: horizon[1]}
         if self.name not in known:
@@ -77,7 +77,17 @@ class Unknown:
                     "`parameters`"
                 )
             raise unknown("parameter", self.name, known, "unknowns")
+        if self.name == FINAL_TIME:
+            self._check_times(system, horizon)
         return known[self.name]
+
+    def _check_times(self, system: System, horizon: tuple[float, float] | None) -> None:
+        """Complain about times that are not after the first."""
+        start = horizon[0] if horizon is not None else system.time(0) if isinstance(system, DiscreteSystem) else 0.0
+        for what, given in (("min", self.min), ("max", self.max), ("guess", self.guess)):
+            if given is not None and not (given > start or (what == "min" and given == start)):
+                expected = f"expected a time after the first, {start:.6g} s"
+                raise ArgumentError(f"{self}: {what}: got {given:.6g} s, {expected}")
 
 
 @public
@@ -112,7 +122,7 @@ class FinalTime(Unknown):
     """The final time of the motion (s): all time steps grow or shrink with it.
 
     See `Unknown` for what else it takes; ``FinalTime(0, 5)`` is any time up to 5 s, of a motion that begins at 0 s, and
-    ``FinalTime(price=1.0)`` asks for the shortest time. What a cost or a limit wants over time it wants at the same
+    ``FinalTime(price=1.0)`` minimises the time. What a cost or a limit is over time holds at the same
     fractions of the motion, as given over the times that the system has, or in continuous time over the horizon that
     the optimisation begins with. The cost of a stage does not grow with its step; a cost in continuous time is the
     integral over the time that the motion takes.
@@ -121,19 +131,6 @@ class FinalTime(Unknown):
     name: str = field(default=FINAL_TIME, init=False)
     min: float | None = None
     max: float | None = None
-
-    def __str__(self) -> str:
-        return "FinalTime"
-
-    def value_of(self, system: System, horizon: tuple[float, float] | None = None) -> float:
-        value = super().value_of(system, horizon)
-        start = horizon[0] if horizon is not None else system.time(0) if isinstance(system, DiscreteSystem) else 0.0
-        for what, given in (("min", self.min), ("max", self.max), ("guess", self.guess)):
-            if given is not None and not (given > start or (what == "min" and given == start)):
-                raise ArgumentError(
-                    f"FinalTime: {what}: got {given:.6g} s, expected a time after the first, {start:.6g} s"
-                )
-        return value
 
 
 def checked_unknowns(unknowns: Sequence[Unknown]) -> list[Unknown]:

@@ -1,4 +1,4 @@
-"""Ways to begin again, where a run is about to get lost or is stuck: each a file of its own.
+"""Ways to begin again, where a run diverges or ends without a minimum: each a file of its own.
 
 `WAYS` is the policy: before each iteration, and where a stage ends without a minimum, the first of them that applies
 and can be begun is taken. Any of them can be switched off: ``Options(without=["easing"])``.

@@ -13,7 +13,7 @@ from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Samples
 from leastaction.optimal.space import apart, moved_by, sizes_of
 
-_ROUNDS = 3  # of Gauss-Newton's method, for what is nearly linear
+_ROUNDS = 3  # iterations of Gauss and Newton's method, for equations that are nearly linear
 
 
 def needed_inputs(system: DiscreteSystem, x: Array, u: Array) -> Array:
@@ -42,9 +42,9 @@ def needed_inputs(system: DiscreteSystem, x: Array, u: Array) -> Array:
 
 
 def line_to(system: DiscreteSystem, x: Array, wanted: Array | None, rows: Sequence[Rows]) -> Array:
-    """Return the straight line (N+1, nx) from a state to the one that is asked for at the end.
+    """Return the straight line (N+1, nx) from a state to the wanted last state.
 
-    That is the wanted one, if there is one, moved as little as equations of the last state need.
+    Where equations of the last state are violated there, it is moved onto them by as little as possible.
     """
     N, ndx, space = system.N, system.ndx, system.charts()
     last = np.array(x if wanted is None else wanted)

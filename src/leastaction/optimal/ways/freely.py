@@ -7,7 +7,7 @@ from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.way import Way
 from leastaction.optimal.search.problem import DiscreteProblem
 
-# A run within limits has got nowhere where so many first steps were all shorter than that.
+# Number of first steps within limits, and the length below which all of them are too short to go on.
 _FEW, _VERY_SHORT = 6, 0.2
 
 # Iterations that the minimum without limits may take, and a tolerance that will do for it.
@@ -15,7 +15,7 @@ _SOON, _ROUGHLY = 30, 1e-3
 
 
 def _applies(run: Run, outcome: Outcome | None) -> bool:
-    """Not where the minimum says little: with conditions, limits of the user's own, or a start that is a result."""
+    """Whether the first steps are very short; not with equations, limits of the user's own, or an earlier result."""
     problem = run.problem
     if outcome is not None or max(run.history.step_lengths) >= _VERY_SHORT:
         return False

@@ -1,4 +1,4 @@
-"""Gaps between the steps (multiple shooting), from the start that was given."""
+"""Multiple shooting: gaps between the steps, from the start that was given."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from leastaction.optimal.loop.way import Way
 from leastaction.optimal.schedule import NewtonSchedule
 from leastaction.optimal.search.problem import DiscreteProblem
 
-_LONG, _LONG_IF_LOST = 200, 100  # iterations after which a run is long; and where its start was lost when projected
-_BRIEF = 40  # iterations with gaps at the most where most of the first steps had to be cut short: there are other ways
+_LONG, _LONG_IF_LOST = 200, 100  # iterations after which a run is long; the second, where the projected start diverged
+_BRIEF = 40  # most iterations with gaps where most of the first steps had to be shortened: other ways are left
 
 
 def _applies(run: Run, outcome: Outcome | None) -> bool:
-    """Where the first steps had to be cut short, where a run is long, and where it is stuck and they are preferred."""
+    """Where first steps had to be shortened, where a run is long, and where it ends and gaps are preferred."""
     problem = run.problem
     assert isinstance(problem, DiscreteProblem)
     if outcome is not None:
         return outcome.status in STUCK and _are_preferred(problem)
-    # Where barriers cut steps short it tells nothing.
+    # Steps that barriers shorten are no sign of a violent motion.
     if run.history.iterations == FIRST_STEPS:
         return run.was_violent and problem.parts.barrier is None
     return run.history.iterations == _long_run(problem) and not (run.began_again or run.creeps)
 
 
 def _are_preferred(problem: DiscreteProblem) -> bool:
-    """Whether gaps are more promising than an easier stage: within limits, and where the projection lost the start."""
+    """Whether gaps come before an easier cost: within limits, and where the projection of the start diverged."""
     given = problem.beginning.begun.given
     if problem.parts.barrier is not None:
         return given is not None and problem.beginning.final_time is None
@@ -33,7 +33,7 @@ def _are_preferred(problem: DiscreteProblem) -> bool:
 
 
 def _long_run(problem: DiscreteProblem) -> int | None:
-    """Return the iterations after which gaps may be the shorter way; None where they are none."""
+    """Return the number of iterations after which gaps are tried; None where they are not."""
     given = problem.beginning.begun.given
     if given is None or problem.parts.here.is_open or problem.parts.ease != 1.0:
         return None

@@ -1,9 +1,10 @@
-"""The given curve as it is, where limits are said not to be met: its projection may have left where it leads to.
+"""The given curve itself, with gaps, where limits are violated at the end: its projection may be another motion.
 
-A search that ends at a stationary point of the violation, such as a dead point or the foot of a hill, tells nothing of
-what lies beyond. The curve that was given may lead there; of an initial state alone, the straight line to what is asked
-for at the end. It begins with gaps, with the inputs that it needs, and with what is asked at a single instant so dear
-that the gaps close without giving it up; then the same among motions that the steps of time resolve.
+A stationary point of the violation, such as a dead point of a mechanism, does not show that limits cannot be met. The
+given curve may lead to where they are; so may, of an initial state alone, the straight line to the wanted last state.
+The search begins with gaps between its steps and the inputs that the curve needs, and with a price of limits at single
+instants that is so high that the gaps close without violating them; then the same among motions that the steps of time
+resolve.
 """
 
 from __future__ import annotations
@@ -14,24 +15,24 @@ from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.loop.ending import STUCK, Outcome
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.way import Way
-from leastaction.optimal.memory import Start
 from leastaction.optimal.result import Status
 from leastaction.optimal.search.problem import DiscreteProblem
+from leastaction.optimal.state import Start
 from leastaction.optimal.ways.curves import line_to, needed_inputs
 from leastaction.optimal.ways.resolved import of_asked, resolved_rows
 
 _NAME = "given"
 _MOST = 300  # iterations that each attempt may take
-_DEARER = 20.0  # price of what is asked at a single instant, over that of others
+_DEARER = 20.0  # price of violating a limit at a single instant, over that of other limits
 
 
 def _applies(run: Run, outcome: Outcome | None) -> bool:
-    """Where a run ends without meeting its limits; once."""
+    """Where a run ends with violated limits; once."""
     problem = run.problem
     assert isinstance(problem, DiscreteProblem)
     if outcome is None or run.resolved is not None:
         return False
-    if _NAME in run.taken or problem.beginning.begun.curve is None or problem.settings.shooting == "single":
+    if _NAME in run.state.taken or problem.beginning.begun.curve is None or problem.settings.shooting == "single":
         return False
     return outcome.status in (*STUCK, Status.INFEASIBLE, Status.NO_DIRECTION) and problem.stages.is_unmet
 
@@ -45,12 +46,12 @@ def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
             problem.beginning.go_on_from(found.x, found.u, of_asked(problem, found.limits))
             run.begin_again(_NAME, "began again, from the given curve as it is")
             return True
-    run.taken = (*run.taken, _NAME)
+    run.take(_NAME)
     return False
 
 
 def _attempts(problem: DiscreteProblem) -> Iterator[tuple[DiscreteProblem, Start]]:
-    """Yield problems to be tried, and from where: the one that was asked, and that among resolved motions."""
+    """Yield problems to be tried, and where they begin: the original one, and that among resolved motions."""
     starts = list(_starts(problem))
     for start in starts:
         yield _with_gaps(problem, []), start
@@ -74,7 +75,7 @@ def _starts(problem: DiscreteProblem) -> Iterator[Start]:
 
 
 def _with_gaps(problem: DiscreteProblem, more: list[Rows]) -> DiscreteProblem:
-    """Return a problem that begins with gaps, with more limits and higher prices of what is asked at one instant."""
+    """Return a problem that begins with gaps, with more limits and higher prices of limits at single instants."""
     parts, settings = problem.parts, problem.settings.changed(max_iterations=_MOST)
     return DiscreteProblem(
         parts.system, parts.asked, settings, [*parts.rows, *more], parts.free_start, "at once",

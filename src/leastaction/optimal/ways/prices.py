@@ -1,7 +1,8 @@
-"""Higher prices of what is asked at a single instant, where that was not met: it may have been too cheap.
+"""Higher prices of limits at single instants, where these are violated at the end: prices may have been too low.
 
-A motion whose duration is free may be made ever shorter, and one whose start is free may leave its bounds there, for
-what is gained elsewhere. Where higher prices come to nothing either, the end that was nearer to what is asked is told.
+A motion whose duration is free may become ever shorter, and one whose start is free may violate its bounds there, if
+the cost falls by more elsewhere. Where higher prices do not help either, the result is the end that violated limits
+less.
 """
 
 from __future__ import annotations
@@ -12,12 +13,12 @@ from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.loop.ending import STUCK, Outcome
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.way import Way
-from leastaction.optimal.memory import Nearer, Place
 from leastaction.optimal.result import Status
 from leastaction.optimal.search.problem import DiscreteProblem
+from leastaction.optimal.state import Nearer, Place
 
 _NAME = "prices"
-_DEARER_AGAIN = 10.0  # price of what is asked at one instant and was not met, over what it had been
+_DEARER_AGAIN = 10.0  # factor by which the price of a violated limit at a single instant is raised
 
 
 def _applies(run: Run, outcome: Outcome | None) -> bool:
@@ -25,9 +26,9 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
     assert isinstance(problem, DiscreteProblem)
     if outcome is None or not problem.stages.is_unmet:
         return False
-    if outcome.status is Status.INFEASIBLE and run.nearer is not None:
+    if outcome.status is Status.INFEASIBLE and run.state.nearer is not None:
         return True
-    if _NAME in run.taken or problem.beginning.begun.given is None:
+    if _NAME in run.state.taken or problem.beginning.begun.given is None:
         return False
     if problem.beginning.final_time is not None:
         return outcome.status in (*STUCK, Status.INFEASIBLE)
@@ -35,7 +36,7 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
 
 
 def _misses_an_instant(problem: DiscreteProblem) -> bool:
-    """Whether what is asked at a single instant, or an equation, is not met."""
+    """Whether an equation, or a limit at a single instant, is violated."""
     limits = problem.parts.limits
     assert limits is not None
     sides = zip(limits.duals.sides, limits.asked(), limits.duals.scale, strict=True)
@@ -45,13 +46,15 @@ def _misses_an_instant(problem: DiscreteProblem) -> bool:
 def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
     problem = run.problem
     assert isinstance(problem, DiscreteProblem)
-    if run.nearer is not None:
-        nearer, run.nearer = run.nearer, None
+    if run.state.nearer is not None:
+        nearer = run.state.nearer
+        run.remember(nearer=None)
         if not _go_to_the_nearer(problem, nearer.place, nearer.limits):
             return False
         run.begin_again(_NAME, "higher prices led to nothing that is nearer: back to where it stood")
         return True
-    given, problem.beginning.begun.given = problem.beginning.begun.given, None
+    given = problem.beginning.begun.given
+    problem.beginning.remember(given=None)
     limits = problem.parts.limits
     if given is None or limits is None:
         return False
@@ -59,13 +62,13 @@ def _begin(run: Run, outcome: Outcome | None) -> bool:  # noqa: ARG001
     problem.beginning.begin_anew(given)
     limits.stages.make_dearer(_DEARER_AGAIN)
     problem.beginning.put_limits_in()
-    run.nearer = nearer
+    run.remember(nearer=nearer)
     run.begin_again(_NAME, "began again, with higher prices of what is asked at a single instant")
     return True
 
 
 def _go_to_the_nearer(problem: DiscreteProblem, place: Place, report: LimitReport) -> bool:
-    """Go back to an earlier end with its duals, if that was nearer to what is asked for; whether it was."""
+    """Go back to an earlier end with its duals, if that violated limits less; return whether it did."""
     limits = problem.parts.limits
     assert limits is not None
     asked, scales = limits.limited.asked(place.x, place.u).flat, limits.duals.scales

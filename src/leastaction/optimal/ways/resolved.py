@@ -1,9 +1,9 @@
 """What steps of time resolve, as a limit: no angle turns by more than some part of a radian within one.
 
-Where a run is stuck because its cost falls towards motions that the steps of time cannot follow, it begins again from
-its first trajectory, with that limit beside those that were asked for. At the minimum the limit is dropped where it
-holds nothing back: then the run goes on as it was asked for, from there. Where it does, that is how the run ends:
-`Status.RESOLVED`, a minimum among motions that these steps of time resolve.
+Where a run ends without a minimum because its cost falls towards motions that the steps of time cannot follow, it
+begins again from its first trajectory, with that limit beside its own. If the limit is not active at the minimum, it is
+dropped, and the run goes on from there. If it is, the run ends with `Status.RESOLVED`: a minimum among motions that
+these steps of time resolve.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.loop.ending import STUCK, Outcome, coarse_step
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.way import Way
-from leastaction.optimal.memory import Memory, Resolved
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.search.problem import DiscreteProblem
+from leastaction.optimal.state import Resolved, SearchState
 
-_ENOUGH = 0.35  # angle (rad) that a step may turn by where steps of time are short enough for a motion
-_NAMED = 3  # instants that are named in a message
+_ENOUGH = 0.35  # largest angle of a step (rad) where steps of time are short enough for a motion
+_NAMED = 3  # most instants that a message names
 
 
 def _applies(run: Run, outcome: Outcome | None) -> bool:
-    """Where it is stuck at steps of time that are too coarse, once; and where the search within that limit ended."""
+    """Where steps of time are too coarse for a minimum, once; and where the search within that limit ended."""
     if outcome is None:
         return False
     if run.resolved is not None:
         return True
     problem = run.problem
     assert isinstance(problem, DiscreteProblem)
-    if "resolved" in run.taken or outcome.status not in STUCK:
+    if "resolved" in run.state.taken or outcome.status not in STUCK:
         return False
     return not problem.parts.here.is_open and (outcome.barred or coarse_step(problem, outcome) is not None)
 
@@ -48,20 +48,21 @@ def _begin(run: Run, outcome: Outcome | None) -> bool:
 
 
 def _set_out(run: Run, outcome: Outcome) -> bool:
-    """Begin again within the limit; whether that can be done."""
+    """Begin again within the limit; return whether that is possible."""
     asked = run.problem
     assert isinstance(asked, DiscreteProblem)
-    run.taken = (*run.taken, "resolved")
+    run.take("resolved")
     within = within_resolved(asked)
     if within is None:
         return False
-    # From the first trajectory, which has not come to coarse steps yet; from where it stands if that cannot be.
+    # From the first trajectory, whose steps are not too coarse yet; from the last one if that is not possible.
     first, here = asked.beginning.begun.first, (asked.parts.x, asked.parts.u)
     starts = [here] if first is None else [(first.x, first.u), here]
     if not any(_can_start(within, start) for start in starts):
         return False
-    steps = [step.angle for step in (asked.worst_step, outcome.refused) if step is not None]
-    run.resolved, run.problem, run.asked_problem = Resolved(asked.parts.place(), max(steps, default=0.0)), within, asked
+    steps = [step.angle for step in (asked.here.worst_step, outcome.refused) if step is not None]
+    run.remember(resolved=Resolved(asked.parts.place(), max(steps, default=0.0)))
+    run.problem, run.asked_problem = within, asked
     run.begin_again("", "began again, among motions that the steps of time resolve")
     return True
 
@@ -75,7 +76,7 @@ def _can_start(within: DiscreteProblem, start: tuple[Array, Array]) -> bool:
 
 
 def _drop(run: Run, outcome: Outcome) -> bool:
-    """Go on without the limit, where it holds nothing back; or back to where the run was stuck, if that is cheaper."""
+    """Go on without the limit, where it is not active; or from the end without it, if the cost is lower there."""
     within, asked, state = run.problem, run.asked_problem, run.resolved
     assert isinstance(within, DiscreteProblem)
     assert isinstance(asked, DiscreteProblem)
@@ -88,18 +89,20 @@ def _drop(run: Run, outcome: Outcome) -> bool:
         why = "the steps of time resolve the motion: it goes on without that limit"
     else:
         before = state.before
-        if outcome.status is not Status.INFEASIBLE and within.shown <= asked.parts.asked.value(before.x, before.u):
+        cheaper = within.report.shown <= asked.parts.asked.value(before.x, before.u)
+        if outcome.status is not Status.INFEASIBLE and cheaper:
             return False
         asked.beginning.go_on_from(before.x, before.u, None)
         why = "what the steps of time resolve led nowhere: back to where it stood"
     asked.parts.work.count_on(within.parts.work)
-    run.resolved, run.problem = None, asked
+    run.remember(resolved=None)
+    run.problem = asked
     run.begin_again("", why)
     return True
 
 
 def of_asked(asked: DiscreteProblem, report: LimitReport | None) -> LimitReport | None:
-    """Return what is told of the limits that were asked for: they come first."""
+    """Return the part of a report that is of the original limits: they come first."""
     if report is None or asked.parts.barrier is None:
         return None
     # Both sides of an equation are one there.
@@ -108,13 +111,13 @@ def of_asked(asked: DiscreteProblem, report: LimitReport | None) -> LimitReport 
 
 
 def _active(report: LimitReport) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Return the steps at which the limit holds the motion back."""
+    """Return the steps at which the limit is active."""
     active = np.any([side.active.any(axis=1) for side in report.sides[-2:]], axis=0)
     return np.flatnonzero(active)
 
 
 def resolved_rows(asked: DiscreteProblem) -> list[Rows] | None:
-    """Return what the steps of time of a problem resolve, as limits; None where nothing is known."""
+    """Return the rates that the steps of time of a problem resolve, as limits; None where they are not known."""
     resolved = asked.parts.system.resolved_rates()
     if resolved is None:
         return None
@@ -124,7 +127,7 @@ def resolved_rows(asked: DiscreteProblem) -> list[Rows] | None:
 
 
 def within_resolved(asked: DiscreteProblem) -> DiscreteProblem | None:
-    """Return a problem with what its steps of time resolve as a limit beside its own; None where nothing is known."""
+    """Return a problem with the rates that its steps of time resolve as limits beside its own; None where not known."""
     more = resolved_rows(asked)
     if more is None:
         return None
@@ -137,20 +140,20 @@ def within_resolved(asked: DiscreteProblem) -> DiscreteProblem | None:
     return within
 
 
-def resumed(run: Run, result: OptimizationResult, memory: Memory) -> None:
-    """Have a run stand where an earlier one ended within the limit."""
+def resumed(run: Run, result: OptimizationResult, state: SearchState) -> None:
+    """Put a run to where an earlier one ended within the limit."""
     asked = run.problem
     assert isinstance(asked, DiscreteProblem)
     within = within_resolved(asked)
     assert within is not None
-    asked.beginning.recall(memory)
+    asked.beginning.recall(state.begun)
     within.resume(result)
     run.problem, run.asked_problem = within, asked
-    run.recall(memory)
+    run.recall(state.run)
 
 
 def _judge(run: Run, outcome: Outcome) -> Outcome:
-    """Return that it is a minimum of motions that the steps of time resolve, and how much shorter they have to be."""
+    """Return the end of a run at a minimum with the limit active, with how much shorter steps of time have to be."""
     within, state = run.problem, run.resolved
     if state is None or outcome.status not in (Status.CONVERGED, Status.STALLED):
         return outcome

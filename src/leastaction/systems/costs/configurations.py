@@ -37,12 +37,11 @@ class CostOfConfigurations(AddedCost):
     def _bends(self, q: Array, *, exact: bool) -> Array:
         """Return their second derivatives (N+1, nv, nv); or Gauss and Newton's, where they need not be ``exact``."""
 
-    def stage_values(self, x: Array, u: Array, start: int) -> Array:
-        return np.asarray(self.cost.stage_values(x, u, start) + self._prices(self._configurations(x), start))
+    def stage_prices(self, x: Array, u: Array, start: int) -> Array:  # noqa: ARG002 - inputs have none
+        return self._prices(self._configurations(x), start)
 
-    def final_value(self, x: Array) -> float:
-        N = self._sizes[0]
-        return super().final_value(x) + float(self._prices(self._configurations(x[None, :]), N)[0])
+    def final_price(self, x: Array) -> float:
+        return float(self._prices(self._configurations(x[None, :]), self._sizes[0])[0])
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
         q, r, q_final = self.cost.gradient(x, u)
@@ -54,14 +53,13 @@ class CostOfConfigurations(AddedCost):
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the second derivatives: a matrix for each stage."""
-        return self.model_hessian(x, u, convex=False).whole()
+        return self.own_model_hessian(x, u, convex=False).whole()
 
-    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
-        """Return those of Gauss and Newton, as if what has a price were linear in the configuration; see `Cost`."""
-        return self.model_hessian(x, u, convex=True).whole()
+    def own_model_hessian(self, x: Array, u: Array, *, convex: bool) -> ModelHessian:
+        """Return them with what is by configurations as a part; see `Cost`.
 
-    def model_hessian(self, x: Array, u: Array, *, convex: bool) -> ModelHessian:
-        """Return either with what is by configurations as a part of it; see `Cost`."""
+        ``convex``: Gauss and Newton's, as if what has a price were linear in the configuration.
+        """
         bends = self._bends(self._configurations(x), exact=not convex)
         return self.cost.model_hessian(x, u, convex=convex).weighed(np.arange(self._nv), bends)
 

@@ -67,7 +67,7 @@ class OrientationCost(CostOfConfigurations):
             self._weights[name] = read_only(np.array(np.broadcast_to(weight, (3,))))
         self._turns()  # an unknown frame is told here
 
-    def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
+    def own_window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
         system = self.system.window(start, stop)
         assert isinstance(system, MidpointSystem)
         other = self._beside(self.cost.window(start, stop, N=N, nu=nu), stop - start)

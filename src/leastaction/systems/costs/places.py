@@ -60,7 +60,7 @@ class PlaceCost(CostOfConfigurations):
             wanted[:, i], weighed[:, i] = np.nan_to_num(place), weight * ~np.isnan(place)
         self._wanted, self._weights = read_only(wanted), read_only(weighed)
 
-    def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
+    def own_window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
         system = self.system.window(start, stop)
         assert isinstance(system, MidpointSystem)
         other = self._beside(self.cost.window(start, stop, N=N, nu=nu), stop - start)

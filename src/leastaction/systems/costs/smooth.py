@@ -56,9 +56,8 @@ class CostOfAccelerations(AddedCost):
         self.counts = np.ones(len(rho)) if turns is None else 1.0 - turns  # of the variables at the start of a step
         self.ndx, self.moves = nx if ndx is None else ndx, np.stack([rho, v_rho]) if moves is None else moves
 
-    def stage_values(self, x: Array, u: Array, start: int) -> Array:
-        squares = self._accelerations(x, u, start) ** 2 @ self.weights
-        return np.asarray(self.cost.stage_values(x, u, start) + 0.5 * squares)
+    def stage_prices(self, x: Array, u: Array, start: int) -> Array:
+        return np.asarray(0.5 * (self._accelerations(x, u, start) ** 2 @ self.weights))
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
         q, r, q_final = self.cost.gradient(x, u)
@@ -73,7 +72,7 @@ class CostOfAccelerations(AddedCost):
         """Return the second derivatives: matrices, one for each stage where steps are not all as long."""
         return self._with_price(self.cost.hessian(x, u), u)
 
-    def convex_hessian(self, x: Array, u: Array) -> CostHessian:
+    def own_convex_hessian(self, x: Array, u: Array) -> CostHessian:
         """Return the other cost's, with the price, which is convex; see `Cost`."""
         return self._with_price(self.cost.convex_hessian(x, u), u)
 
@@ -94,7 +93,7 @@ class CostOfAccelerations(AddedCost):
         Q_more, R_more, cross = (part[0] if n == 1 else part for part in (by_states, by_inputs, cross))
         return CostHessian(matrix_of(Q) + Q_more, matrix_of(R) + R_more, cross if S is None else S + cross, Q_final)
 
-    def window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
+    def own_window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
         result = self._beside(self.cost.window(start, stop, N=N, nu=nu), stop - start)
         result.dt = self.dt[start:stop]
         return result

@@ -95,7 +95,7 @@ class Solved(Quantity):
     def joined(self, others: Sequence[Quantity]) -> Solved:
         return self._of(Scaled.joined([part.entries for part in self.among(others)]))
 
-    def select(self, rows: Sequence[int]) -> Quantity:
+    def own_select(self, rows: Sequence[int]) -> Quantity:
         """Return some of them; of prescribed variables their accelerations are inputs."""
         m, chosen = self.dynamics.mechanism, self.entries.select(rows)
         if ((m.nd <= chosen.rows) & (chosen.rows < m.nv)).all():

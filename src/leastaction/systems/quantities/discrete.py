@@ -99,10 +99,10 @@ class AccelerationQuantity(Quantity):
         # Places come once.
         return AccelerationQuantity(self.mechanism, which, self.dt) if len(np.unique(which)) == len(which) else None
 
-    def select(self, rows: Sequence[int]) -> AccelerationQuantity:
+    def own_select(self, rows: Sequence[int]) -> AccelerationQuantity:
         return AccelerationQuantity(self.mechanism, self.which[list(rows)], self.dt)
 
-    def is_like(self, other: Quantity) -> bool:
+    def own_is_like(self, other: Quantity) -> bool:
         return isinstance(other, AccelerationQuantity) and np.array_equal(self.dt, other.dt)
 
 
@@ -137,7 +137,7 @@ class AccelerationsAcross(LookingBack):
     def remembering(self, memory: Recalled) -> AccelerationsAcross:
         return AccelerationsAcross(self.mechanism, self.which, self.dt, memory)
 
-    def select(self, rows: Sequence[int]) -> AccelerationsAcross:
+    def own_select(self, rows: Sequence[int]) -> AccelerationsAcross:
         return AccelerationsAcross(self.mechanism, self.which[list(rows)], self.dt, self.memory)
 
     def columns(self, nx: int, nu: int) -> Instants:
@@ -166,7 +166,7 @@ class AccelerationsAcross(LookingBack):
             out[:, places[:, None], places] += bent
         return out
 
-    def is_like(self, other: Quantity) -> bool:
+    def own_is_like(self, other: Quantity) -> bool:
         return isinstance(other, AccelerationsAcross) and np.array_equal(self.dt, other.dt)
 
     def _before(self, at: Samples) -> Samples:
@@ -237,10 +237,10 @@ class Tensions(Quantity):
     def joined(self, others: Sequence[Quantity]) -> Tensions:
         return Tensions(self.mechanism, Scaled.joined([part.strings for part in self.among(others)]), self.dt)
 
-    def select(self, rows: Sequence[int]) -> Tensions:
+    def own_select(self, rows: Sequence[int]) -> Tensions:
         return Tensions(self.mechanism, self.strings.select(rows), self.dt)
 
-    def is_like(self, other: Quantity) -> bool:
+    def own_is_like(self, other: Quantity) -> bool:
         if not isinstance(other, Tensions):
             return False
         own, others = (np.concatenate([each.strings.constant, each.strings.slope, each.dt]) for each in (self, other))

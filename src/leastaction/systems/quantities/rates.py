@@ -79,10 +79,10 @@ class Rates(Quantity):
     def joined(self, others: Sequence[Quantity]) -> Rates:
         return Rates(self.mechanism, np.concatenate([part.which for part in self.among(others)]), self.dt)
 
-    def select(self, rows: Sequence[int]) -> Rates:
+    def own_select(self, rows: Sequence[int]) -> Rates:
         return Rates(self.mechanism, self.which[list(rows)], self.dt)
 
-    def is_like(self, other: Quantity) -> bool:
+    def own_is_like(self, other: Quantity) -> bool:
         return isinstance(other, Rates) and np.array_equal(self.dt, other.dt)
 
     def _turns(self, at: Samples) -> Iterator[Array]:

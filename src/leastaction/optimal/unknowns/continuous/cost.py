@@ -8,6 +8,7 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.continuous.cost import ContinuousCost, RateGradient, RateHessian
+from leastaction.optimal.continuous.final_term import FinalTerm
 from leastaction.optimal.unknowns.continuous.system import ExtendedContinuousSystem
 from leastaction.optimal.unknowns.unknown import FinalTime, Unknown
 
@@ -22,10 +23,8 @@ class ExtendedContinuousCost(ContinuousCost):
     def __init__(
         self, cost: ContinuousCost, unknowns: Sequence[Unknown], wanted: Array, system: ExtendedContinuousSystem
     ) -> None:
-        self.cost, self.system, self.wanted, self.jumps = cost, system, wanted, cost.jumps
-        self.price = np.array([each.price for each in unknowns])
-        self.weight = np.array([each.weight for each in unknowns])
-        self.of_values = slice(system.n_own, system.at_copies)
+        self.cost, self.system, self.jumps = cost, system, cost.jumps
+        self.final_term = FinalTermWithUnknowns(cost, unknowns, wanted, system)
         # Only of a time it is known that it is no less than zero.
         safe = all(each.price == 0.0 or (each.price > 0.0 and isinstance(each, FinalTime)) for each in unknowns)
         self.nonnegative = cost.nonnegative and safe
@@ -38,7 +37,7 @@ class ExtendedContinuousCost(ContinuousCost):
     def rate(self, x: Array, u: Array, t: float) -> float:
         return self.system.pace(self.system.values(x)) * self.cost.rate(self.system.own(x), u, t)
 
-    def rates(self, x: Array, u: Array, t: Array) -> Array:
+    def own_rates(self, x: Array, u: Array, t: Array) -> Array:
         return np.asarray(self._paces(x) * self.cost.rates(self.system.own(x), u, t))
 
     def gradient(self, x: Array, u: Array, t: Array) -> RateGradient:
@@ -63,7 +62,7 @@ class ExtendedContinuousCost(ContinuousCost):
         S[:, time] += r / self.system.lasts
         return RateHessian(Q, R, S)
 
-    def convex_hessian(self, x: Array, u: Array, t: Array) -> RateHessian:
+    def own_convex_hessian(self, x: Array, u: Array, t: Array) -> RateHessian:
         """Return the cost's own at the pace, and a curvature of the final time, by which it grows."""
         own, time = self.system.own(x), self.system.final_time
         Q, R, S = self._over_time(x, self.cost.convex_hessian(own, u, t))
@@ -82,22 +81,32 @@ class ExtendedContinuousCost(ContinuousCost):
         S = None if own.S is None else pace * (moves.T @ own.S)
         return RateHessian(pace * (moves.T @ own.Q @ moves), pace * own.R, S)
 
-    # ---- At the end -------------------------------------------------------------------------------
 
-    def final_value(self, x: Array, t: float) -> float:
+class FinalTermWithUnknowns(FinalTerm):
+    """The final term of a cost of the system's own states, and the prices of unknowns; see `ExtendedContinuousCost`."""
+
+    def __init__(
+        self, cost: ContinuousCost, unknowns: Sequence[Unknown], wanted: Array, system: ExtendedContinuousSystem
+    ) -> None:
+        self.cost, self.system, self.wanted = cost, system, wanted
+        self.price = np.array([each.price for each in unknowns])
+        self.weight = np.array([each.weight for each in unknowns])
+        self.of_values = slice(system.n_own, system.layout.at_copies)
+
+    def value(self, x: Array, t: float) -> float:
         values = x[self.of_values]
         prices = self.price @ values + 0.5 * self.weight @ (values - self.wanted) ** 2
         return self.cost.final_value(self.system.own(x), t) + float(prices)
 
-    def final_gradient(self, x: Array, t: float) -> Array:
+    def gradient(self, x: Array, t: float) -> Array:
         whole: Array = self.cost.final_gradient(self.system.own(x), t) @ self.system.moves
         whole[self.of_values] += self.price + self.weight * (x[self.of_values] - self.wanted)
         return whole
 
-    def final_hessian(self, x: Array, t: float) -> Array:
+    def hessian(self, x: Array, t: float) -> Array:
         return self._at_end(self.cost.final_hessian(self.system.own(x), t), self.weight)
 
-    def convex_final_hessian(self, x: Array, t: float) -> Array:
+    def convex_hessian(self, x: Array, t: float) -> Array:
         """Return the cost's own, and a curvature of the final time, whose price is linear, as in steps of time."""
         weight, time = self.weight.copy(), self.system.final_time
         if time is not None:

@@ -18,7 +18,7 @@ from leastaction.optimal.collocation.problem import Collocation
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
-from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
+from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory, OverTime
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.iterates.curve import Gapped
 from leastaction.optimal.limit_report import LimitReport
@@ -80,7 +80,9 @@ class ContinuousExtension:
             return problem.start((self.system.extended(x0, guess), u))
         dense = self._extended(curve, guess)
         self._check(dense.xu.flat(curve.t0)[: dense.nx], curve)
-        return problem.start(dense if found is None else replace(found, dense=dense))
+        return problem.start(
+            dense if found is None else replace(found, over_time=replace(found.over_time, dense=dense))
+        )
 
     def resume(self, result: OptimizationResult) -> DiscreteProblem:
         """Begin where an earlier run ended, on the horizon on which that had begun."""
@@ -92,7 +94,7 @@ class ContinuousExtension:
                 f"resume: got a result {'without' if missing else 'with'} the unknown {(missing or others)[0]!r}, "
                 "expected those of this call; give initial=result instead"
             )
-        mesh = None if result.memory is None else result.memory.mesh
+        mesh = None if result.state is None else result.state.mesh
         if mesh is None:
             raise ArgumentError(
                 "resume: got a result that was not found on a mesh, expected one with the unknowns of this call. Give "
@@ -103,7 +105,8 @@ class ContinuousExtension:
         values = self.system.values(mesh.x[0])
         dense = self._extended(_over(result.dense, t0, tf), values)
         back = [float(t0 + (t - t0) / self.system.pace(values)) for t in result.jumps]
-        return self._collocation(self.guess, t0, tf).resume(replace(result, dense=dense, jumps=tuple(back)))
+        over_time = replace(result.over_time, dense=dense, jumps=tuple(back))
+        return self._collocation(self.guess, t0, tf).resume(replace(result, over_time=over_time))
 
     def _begun(self, t0: float, tf: float, known: Mapping[str, float]) -> Array:
         """Make the extended system over a horizon; return the guesses of its unknowns, or what is known of them."""
@@ -115,7 +118,7 @@ class ContinuousExtension:
         guess = np.array([known.get(name, value) for name, value in zip(self.names, guess.tolist(), strict=True)])
         self.system = ExtendedContinuousSystem(self.own, self.names, self.copied, self.free_start, (t0, tf))
         self.system.at(guess)  # values that cannot be are named before anything is done
-        self.conditions = self.own.conditions_of(self.names)
+        self.conditions = self.own.conditions_of(self.names) or []
         for condition in self.conditions:
             guess = off_the_border(condition, guess)
         self.guess = guess
@@ -176,11 +179,11 @@ class ContinuousExtension:
         """Return a curve of the system's own states as one of the extended ones."""
         n, system = self.own.nx, self.system
         own = curve.xu.coefficients
-        constants = np.concatenate([values, curve.xu.flat(curve.t0)[:n][system.kept]])
+        constants = np.concatenate([values, curve.xu.flat(curve.t0)[:n][system.layout.kept]])
         states = np.zeros((*own.shape[:2], system.nx + system.nu))
         states[:, :, :n], states[:, :, system.nx :] = own[:, :, :n], own[:, :, n:]
         states[:, 0, n : system.nx] = constants
-        states[:, 0, system.kept] -= constants[len(values) :]
+        states[:, 0, system.layout.kept] -= constants[len(values) :]
         return DenseTrajectory(PiecewisePolynomial(curve.t, states, (states.shape[2],)), system.nx)
 
     def _check(self, x: Array, curve: DenseTrajectory) -> None:
@@ -198,7 +201,7 @@ class ContinuousExtension:
     # ---- And back ---------------------------------------------------------------------------------
 
     def callback(self, given: Callback | None) -> Callback | None:
-        """Return a callback that tells the given one of the system's own states."""
+        """Return a callback that calls the given one with the system's own states."""
         return told_in_own_states(given, lambda x: self.system.own(x), self.result)
 
     def result(self, found: OptimizationResult) -> ContinuousOptimizationResult:
@@ -213,7 +216,7 @@ class ContinuousExtension:
         law = np.concatenate([keep, nu * system.nx + np.arange(nu)])
         states = result.dense.xu.coefficients
         x = states[:, :, :n].copy()
-        x[:, :, system.kept] += states[:, :, system.at_copies : system.nx]
+        x[:, :, system.layout.kept] += states[:, :, system.layout.at_copies : system.nx]
         curve = np.concatenate([x, states[:, :, system.nx :]], axis=2)
         dense = DenseTrajectory(PiecewisePolynomial(result.dense.t, curve, (n + nu,)), n)
         return replace(
@@ -222,10 +225,13 @@ class ContinuousExtension:
             K=np.ascontiguousarray(result.K[:, :, :n]),
             projection_gain=np.ascontiguousarray(result.projection_gain[:, :, :n]),
             t=read_only(_stretched(result.t, t0, tf)),
-            dense=_over(dense, t0, tf),
             feedback=_stretched_function(feedback, t0, tf),
             projection=_stretched_function(result.projection.part(law, (len(law),)), t0, tf),
-            jumps=tuple(system.true_time(np.array(result.jumps), values).tolist()),
+            over_time=OverTime(
+                dense=_over(dense, t0, tf),
+                accuracy=result.accuracy,
+                jumps=tuple(system.true_time(np.array(result.jumps), values).tolist()),
+            ),
             limits=None if result.limits is None else self._report(result.limits, len(result.t) - 1, pace, (t0, tf)),
             state_names=own.state_names,
             input_names=own.input_names,

@@ -22,13 +22,14 @@ from leastaction.numerics.arrays import Array
 from leastaction.numerics.differences import fourth_order
 from leastaction.optimal.collocation.layout import NodeLayout
 from leastaction.optimal.collocation.mesh import STAGES
-from leastaction.optimal.continuous.system import ContinuousSystem
+from leastaction.optimal.continuous.system import ContinuousSystem, with_parameters
 from leastaction.optimal.quantity import Quantity
+from leastaction.optimal.space import ProductSpace, Vectors
 from leastaction.optimal.system import FINAL_TIME, Linearization
 from leastaction.optimal.unknowns.extended import Extended, by_differences
 
-_BY_TIME = 1e-4  # of the horizon, by which a system that depends on time is moved for differences
-_KEPT = 64  # systems with parameters that are not made anew, as differences and roll-outs ask for them again
+_BY_TIME = 1e-4  # step of differences by time, in parts of the horizon
+_KEPT = 64  # number of systems with other parameters that are kept, as differences and roll-outs use them again
 
 
 class ExtendedContinuousSystem(Extended, ContinuousSystem):
@@ -56,9 +57,14 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
         free_start: bool | Sequence[str],
         horizon: tuple[float, float],
     ) -> None:
-        super().__init__(system, parameters, copied, free_start)
+        super().__init__(system.starting_at(horizon[0]), parameters, copied, free_start)
         self.t0, self.lasts = horizon[0], horizon[1] - horizon[0]
-        self.jumps = system.jumps
+        self.jumps, own = system.jumps, system.state_names
+        self.state_names = (*own, *self.names, *(f"{own[i]} at the start" for i in self.copied))
+        space = system.charts()
+        # Rotations that return count from the first state: these are numbers.
+        if space is not None and not space.curved[space.pattern[self.copied].any(axis=0)].any():
+            self.space = ProductSpace(space, Vectors(self.nx - self.n_own))
         self.time_at = None if self.final_time is None else self.final_time - self.n_own
         if self.time_at is not None and len(system.jumps):
             raise ArgumentError(
@@ -79,7 +85,7 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
         if not values:
             return self.system
         named = dict(zip(self.numbers, values, strict=True))
-        return self.system.with_parameters_near(named) if near else self.system.with_parameters(named)
+        return with_parameters(self.system, named, near=near)
 
     def start_time(self) -> float:
         return self.t0
@@ -99,7 +105,7 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
     def f(self, x: Array, u: Array, t: float) -> Array:
         return np.asarray(self.rates(x[None], u[None], np.array([t]))[0])
 
-    def rates(self, x: Array, u: Array, t: Array) -> Array:
+    def own_rates(self, x: Array, u: Array, t: Array) -> Array:
         values, out = self.values(x[0]), np.zeros((len(x), self.nx))
         times = self.true_time(t, values)
         out[:, : self.n_own] = self.pace(values) * self.at(values).rates(self.own(x), u, times)
@@ -112,17 +118,17 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
     def curvature(self, x: Array, u: Array, t: float, z: Array) -> Array:
         return np.asarray(self.linearize(x[None], u[None], np.array([t])).curvature(z[None])[0])
 
-    def curvatures(self, x: Array, u: Array, t: Array, z: Array) -> Array:
+    def own_curvatures(self, x: Array, u: Array, t: Array, z: Array) -> Array:
         return self.linearize(x, u, t).curvature(z)
 
-    def linearize(self, x: Array, u: Array, t: Array) -> Linearization:
+    def own_linearize(self, x: Array, u: Array, t: Array) -> Linearization:
         own, u, t, values = self.own(x), u.copy(), t.copy(), self.values(x[0]).copy()
-        n, end, count = self.n_own, self.at_copies, len(x)
+        n, end, count = self.n_own, self.layout.at_copies, len(x)
         lin, pace = _linearized(self.at(values), own, u, self.true_time(t, values)), self.pace(values)
         A, B = np.zeros((count, self.nx, self.nx)), np.zeros((count, self.nx, self.nu))
         A[:, :n, :n], B[:, :n] = pace * lin.A, pace * lin.B
         A[:, :n, n:end] = self._by(values, own, u, t)
-        A[:, :n, end:] = pace * lin.A[:, :, self.kept]
+        A[:, :n, end:] = pace * lin.A[:, :, self.layout.kept]
 
         def slopes(moved: Array, z: Array) -> Array:
             """Return ``z . Df`` (n, nx of the system + nu + P) at other values."""
@@ -147,7 +153,7 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
 
         return Linearization(A, B, second)
 
-    def slopes(self, x: Array, u: Array, t: Array) -> Array:
+    def own_slopes(self, x: Array, u: Array, t: Array) -> Array:
         """Return derivatives by the system's own states: what is constant does not move on the way."""
         values, whole = self.values(x[0]), np.zeros((len(x), self.nx, self.nx))
         A = self.at(values).slopes(self.own(x), u, self.true_time(t, values))
@@ -190,52 +196,48 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
     # ---- Pieces -----------------------------------------------------------------------------------
 
     def roll_out_pieces(
-        self, h: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
-    ) -> int:
+        self, h: Array, t: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
+    ) -> int | None:
         """Let the system do it, where it does not depend on time: of constants the feedback is known beforehand."""
-        if (self.time_at is not None and not self.system.autonomous) or K[:, :, self.nx :].any():
-            return 0
+        n, constants, kept = self.n_own, z[0, self.n_own : self.nx], self.layout.kept
+        d, space = n, self.system.charts()
+        if self.space is not None and space is not None:
+            d, kept = space.ndx, np.argmax(space.pattern[self.copied], axis=1)
+        ndx = d + self.nx - n
+        if (self.time_at is not None and not self.system.autonomous) or K[:, :, ndx:].any():
+            return None
         zbar, ubar = reference
-        n, constants = self.n_own, z[0, self.n_own : self.nx]
         values = self.values(z[0])
         off = constants - zbar[:-1, n : self.nx]
-        own_gain, gain = K[:, :, :n], K[:, :, n : self.nx].copy()
-        gain[:, :, len(self.names) :] -= own_gain[:, :, self.kept]
+        own_gain, gain = K[:, :, :d], K[:, :, d:ndx].copy()
+        gain[:, :, len(self.names) :] -= own_gain[:, :, kept]
         layout, whole = NodeLayout(n, self.nu), NodeLayout(self.nx, self.nu)
 
         def taken(states: Array) -> Array:
             x, inputs = whole.points(states)
             return np.ascontiguousarray(layout.joined(self.own(x), inputs))
 
-        own_K = np.zeros((len(K), K.shape[1], layout.nz))
-        own_K[:, :, :n] = own_gain
+        own_K = np.zeros((len(K), K.shape[1], STAGES * (d + self.nu)))
+        own_K[:, :, :d] = own_gain
         own_z, own_u = np.empty((len(z), layout.nz)), np.empty_like(u)
         own_z[0] = taken(z[:1])[0]
         moved = ubar - np.einsum("kij,kj->ki", gain, off)
-        done: int = self.at(values).roll_out_pieces(
-            h * self.pace(values), matrix, (taken(zbar), np.ascontiguousarray(moved)), own_K, own_z, own_u
+        done = self.at(values).roll_out_pieces(
+            h * self.pace(values), t, matrix, (taken(zbar), np.ascontiguousarray(moved)), own_K, own_z, own_u
         )
         if not done:
-            return 0
+            return None
         x, inputs = layout.points(own_z[1 : done + 1])
         full = np.empty((done, STAGES, self.nx))
         full[:, :, :n], full[:, :, n:] = x, constants
-        full[:, :, self.kept] -= z[0, self.at_copies : self.nx]
+        full[:, :, self.layout.kept] -= z[0, self.layout.at_copies : self.nx]
         z[1 : done + 1], u[:done] = whole.joined(full, inputs), own_u[:done]
         return done
 
-    # ---- What it is asked -------------------------------------------------------------------------
+    # ---- Names and quantities -------------------------------------------------------------------------
 
-    def quantity(self, kind: str, t: Array | None = None) -> Quantity:
-        if kind == "unknown":
-            return self.unknown_quantity()
-        return self.system.quantity(kind, t)
-
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the entries of the state: of the system's own, and of what is constant."""
-        own = self.system.state_names
-        return (*own, *self.names, *(f"{own[i]} at the start" for i in self.copied))
+    def own_quantity(self, kind: str, t: Array | None) -> Quantity:
+        return self.unknown_quantity() if kind == "unknown" else self.system.quantity(kind, t)
 
 
 def _linearized(system: ContinuousSystem, x: Array, u: Array, t: Array) -> Linearization:

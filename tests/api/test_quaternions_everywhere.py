@@ -1,0 +1,146 @@
+"""All that takes a mechanism takes one whose rotations are quaternions, or says in a named error why not."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from api import rotating
+from leastaction.errors import ArgumentError, LeastActionError
+from leastaction.mechanics import Mechanism, MidpointVI, Trajectory
+
+CASES = {"carried by a hand": rotating.Case(rotating.carried), "floating": rotating.Case(rotating.floating)}
+GROUPS = {
+    "mechanism": rotating.mechanism_calls, "optimal": rotating.optimal_calls, "drawn": rotating.drawing_calls,
+}  # fmt: skip
+
+REFUSED = {
+    "linearize_many": "its rotations are quaternions; expected a mechanism without",
+    "jax roll_out": "its states are no plain vectors",
+}
+"""What takes none, and what it says."""
+
+TAKEN_BY = (
+    "Mechanism", "MidpointVI", "MidpointSystem", "MechanismSystem", "DiscreteSystem", "ContinuousDynamics",
+    "Trajectory", "ContinuousTrajectory", "Source", "Experiment",
+)  # fmt: skip
+"""Types of arguments by which a function or class takes a mechanism."""
+
+ELSEWHERE = {
+    # What a run or a search returns, made by what is walked.
+    "ContinuousTrajectory",
+    "StepDerivatives",
+    "OptimizationResult",
+    "Identification",
+    "Followed",
+    "Step",
+    "Played",
+    "ContinuousOptimizationResult",
+    "ContinuousRollout",
+    "ContinuousProjection",
+    "LimitReport",
+    # Made on the way, or of systems of any kind.
+    "MidpointVI",
+    "MidpointSystem",
+    "optimize_continuous",
+    "linearize_along_curve",
+    "check_derivatives",
+    "simulate",
+    "mechanism_scene",
+    "plot_descent",
+    "plot_feedback",
+    "CostOfConfigurations",
+    "PulledSystem",
+    "by_tensions",
+    "play",  # with tests of their own: test_pulled.py, test_relaxation.py, test_rig.py
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("group", GROUPS)
+def test_it_is_taken_or_refused_by_name(case: str, group: str, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    wrong = []
+    for name, call in GROUPS[group](CASES[case], tmp_path).items():
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                found = call()
+        except ImportError:
+            continue  # an optional program
+        except LeastActionError as error:
+            if name not in REFUSED or not _matches(REFUSED[name], error):
+                wrong.append(f"{name}: {error}")
+        except Exception as error:
+            wrong.append(f"{name}: {type(error).__name__}: {error}")
+        else:
+            if name in REFUSED:
+                wrong.append(f"{name}: is taken, and among what is refused")
+            if found is False:
+                wrong.append(f"{name}: is not the same")
+    assert not wrong, "\n".join(wrong)
+
+
+def _matches(pattern: str, error: LeastActionError) -> bool:
+    import re
+
+    return re.search(pattern, str(error)) is not None
+
+
+def test_all_that_is_public_is_asked() -> None:
+    asked = {name.rpartition(".")[2] for group in GROUPS.values() for name in group(CASES["floating"], Path())}
+    missing = []
+    for package in ("", ".control", ".identification", ".mechanics", ".optimal", ".systems", ".viz"):
+        module = importlib.import_module(f"leastaction{package}")
+        for name in module.__all__:
+            it = getattr(module, name)
+            if callable(it) and _takes_a_mechanism(it) and name not in asked | ELSEWHERE:
+                missing.append(f"leastaction{package}.{name}")
+    methods = {"Mechanism": Mechanism, "MidpointVI": MidpointVI, "Trajectory": Trajectory}
+    for owner, kind in methods.items():
+        for name, _ in inspect.getmembers(kind, inspect.isfunction):
+            of_derivatives = name.startswith(("discrete_", "_")) or name in ANGLES
+            if not of_derivatives and name not in asked | INNER:
+                missing.append(f"{owner}.{name}")
+    assert not missing
+
+
+ANGLES = {
+    "lagrangian", "potential", "force", "constraint", "frame_pose_derivative", "frame_velocity_derivative",
+}  # fmt: skip
+"""Derivatives of any order, which are of angles: `test_quaternions.py` has what they say."""
+
+INNER = {
+    # Of a mechanism: what else it is changed to, or asked; each with tests of its own.
+    "at_time", "by_name", "configuration", "velocity", "copy", "fitted", "members_of", "parameter_places",
+    "slots_of_elements", "with_bodies", "with_exchanged", "with_free_lengths", "with_joints", "constraint_jacobian",
+    "constraint_rank", "constraint_residuals", "constraint_rates", "potential_energy", "moved_points",
+    # Of an integrator and of a run.
+    "like", "with_instants", "trajectory", "linearize_arrays", "start", "state", "energy", "tensions",
+    "plot", "show", "load", "open", "signals", "to_dataset",
+}  # fmt: skip
+
+
+def _takes_a_mechanism(it: Any) -> bool:
+    try:
+        parameters = inspect.signature(it).parameters.values()
+    except (TypeError, ValueError):
+        return False
+    words = [
+        set(str(each.annotation).replace("|", " ").replace("[", " ").replace("]", " ").split()) for each in parameters
+    ]
+    return any(not each.isdisjoint(TAKEN_BY) for each in words)
+
+
+def test_derivatives_of_any_order_say_that_they_are_of_angles() -> None:
+    c = CASES["floating"]
+    for ask in (lambda: c.m.lagrangian(c.q, c.v), lambda: c.vi.discrete_lagrangian(c.q, c.q, 0.1)):
+        with pytest.raises(ArgumentError, match="a rotation is a quaternion"):
+            ask()
+    assert np.isfinite(c.run.x).all()
