@@ -197,3 +197,24 @@ def test_times_must_increase() -> None:
     system, _, _ = crane_motion()
     with pytest.raises(ArgumentError, match="must increase"):
         MidpointSystem(system.integrator, [0.0, 0.1, 0.1])
+
+
+def test_a_start_is_a_state_and_inputs_by_name_as_well() -> None:
+    mechanism, q = crane()
+    vi = MidpointVI(mechanism)
+    start, t = vi.start(q), np.linspace(0.0, 0.1, 11)
+    winch, length = (float(q[mechanism.variables.index(name)]) for name in ("winch", "length"))
+    by_name, by_place = {"length": length, "winch": winch}, np.zeros((10, 3))
+    for multipliers in (False, True):
+        system = MidpointSystem(vi, t, multipliers=multipliers)
+        for name, value in by_name.items():
+            by_place[:, system.input_names.index(name)] = value
+        x = np.append(start.x, [0.0] * multipliers)
+        cost = QuadraticCost(x, by_place, Q=np.ones(system.nx), R=np.ones(3))
+        expected = optimize(system, cost, initial=(x, by_place))
+        for initial in ((start, by_name), (start.x, by_place[0]), (x, by_name)):
+            np.testing.assert_array_equal(optimize(system, cost, initial=initial).x, expected.x)
+    with pytest.raises(ArgumentError, match=r"initial u: unknown name 'lenght'; did you mean 'length'"):
+        optimize(system, cost, initial=(start, {"lenght": 1.0}))
+    with pytest.raises(ArgumentError, match=r"initial u: got shape \(2,\), expected \(10, 3\) or \(3,\)"):
+        optimize(system, cost, initial=(start, [0.0, 1.0]))

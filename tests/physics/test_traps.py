@@ -147,3 +147,10 @@ def test_numbers_that_overflow_are_no_warning() -> None:
     far = m.with_parameters({"tip.translation.x": 1e300})
     found = far.lagrangian([0.3], [0.0]).along(q=[1.0], v=[1.0])
     assert not np.isfinite(found.hessian).all()
+
+
+@pytest.mark.parametrize("kind", ["minimum", "any"])
+def test_an_equilibrium_from_where_points_meet_names_them(kind: str) -> None:
+    m = Mechanism([tx("x"), [tz("z", mass=1.0, name="bob")]], [ElasticString(["world", "bob"], 100.0, 0.5)])
+    with pytest.raises(EquilibriumError, match=r"no finite slope at the guess.* 'world' and 'bob' of .* are 0 m apart"):
+        equilibrium(m, [0.0, 0.0], kind=kind)

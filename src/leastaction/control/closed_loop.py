@@ -155,7 +155,7 @@ def close_loop(
     root = None
     if disturbance is not None and not callable(disturbance):
         root = _root(covariance_of_states(disturbance, stood.system, "disturbance"))
-    at = as_array(x, "x", (stood.system.nx,), names=names)
+    at = stood.system.state_given(x)
     stood.system.check_start(at)
     seen = getattr(controller, "system", None) or getattr(estimator, "system", None)
     converts = stood.converts_for(seen)

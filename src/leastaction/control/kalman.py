@@ -156,7 +156,7 @@ class KalmanFilter:
         self.V = covariance(noise, self.readings.names, "noise", definite=True)
         self._process = process if callable(process) else None
         self.W = np.zeros((system.ndx,) * 2) if callable(process) else covariance_of_states(process, system, "process")
-        self.x = as_array(x, "x", (system.nx,), names=system.state_names).copy()
+        self.x = system.state_given(x).copy()
         self.P = self._tangent(covariance_of_states(spread, system, "spread"))
         self.k = 0
         self.innovation, self.surprise = np.zeros(self.readings.ny), np.nan

@@ -87,11 +87,12 @@ def optimize(
     cost : Cost or ContinuousCost
         What is minimised, such as a `QuadraticCost` or a `ContinuousQuadraticCost`.
     initial : (x, u), OptimizationResult or DenseTrajectory
-        Where to start. Of a discrete system x (N+1, nx) and u (N, nu): if x is not a trajectory of the system, the
-        projection of (x, u) is taken, by the gains of several regulators if the first leads far away; x (nx,) is an
-        initial state alone, to which u is applied. Of an earlier result the trajectory is taken, and the duals, if its
-        limits read as these do. Of a continuous system a curve, whose projection is taken; or x and u, of shapes (nx,)
-        and (nu,), as constants, functions of one time or `PiecewisePolynomial`, where a constant x is an initial state.
+        Where to start. Of a discrete system x (N+1, nx) and u (N, nu), or one of all steps (nu,): if x is not a
+        trajectory of the system, the projection of (x, u) is taken, by the gains of several regulators if the first
+        leads far away; x (nx,) is an initial state alone, or a `State`, to which u is applied. One state or input may
+        be given by name. Of an earlier result the trajectory is taken, and the duals, if its limits read as these do.
+        Of a continuous system a curve, whose projection is taken; or x and u, of shapes (nx,) and (nu,), as constants,
+        functions of one time or `PiecewisePolynomial`, where a constant x is an initial state.
     horizon : (t0, tf), optional
         Times (s); needed with ``(x, u)`` of a continuous system.
     resume : OptimizationResult, optional

@@ -28,7 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError, brief, closest
-from leastaction.numerics.arrays import Array, as_count
+from leastaction.numerics.arrays import Array, as_array, as_count
 from leastaction.numerics.dataset import Dataset
 from leastaction.numerics.names import as_names, matching
 from leastaction.numerics.public import public
@@ -268,6 +268,14 @@ class System(ABC):
                 raise ArgumentError(f"{what}: unknown name {pattern!r}; {known}")
             places.update(found)
         return sorted(places)
+
+    def own_state(self, given: Any) -> npt.ArrayLike | None:
+        """Return the numbers of a state (nx,) that is given in the system's own way; None of one by numbers."""
+
+    def state_given(self, given: Any, what: str = "x") -> Array:
+        """Return a state (nx,) that was given by numbers, by name, or in the system's own way, or complain."""
+        found = self.own_state(given)
+        return as_array(given if found is None else found, what, (self.nx,), names=self.state_names)
 
     def check_start(self, x: Array) -> None:
         """Raise a `ProjectionError` for an initial state that is fixed and none of the system."""

@@ -25,7 +25,7 @@ from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.outcome import quality_of, step_error
 from leastaction.mechanics.discrete.sensitivity import start_by
 from leastaction.mechanics.discrete.step_sensitivity import StepSensitivity, by_time_step, steps_by
-from leastaction.mechanics.discrete.trajectory import Trajectory
+from leastaction.mechanics.discrete.trajectory import State, Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.units import input_units, multiplier_units, state_units
 from leastaction.mechanics.mechanism.turns import differences
@@ -197,6 +197,13 @@ class MidpointSystem(DiscreteSystem):
             whole = np.zeros((self.ndx, taken_up.shape[1]))
             whole[m.nv : m.nv + m.nd] = taken_up
         return whole
+
+    def own_state(self, given: Any) -> ArrayLike | None:
+        """Return the numbers of a `State`; multipliers of no step before are zero."""
+        bare = given.x if isinstance(given, State) else given
+        if self.multipliers and np.shape(bare) == (self.mechanism.nx,):
+            return np.concatenate([bare, np.zeros(self.mechanism.nc)])
+        return None if bare is given else np.asarray(bare)
 
     def check_start(self, x: Array) -> None:
         m = self.mechanism.at_time(self.t[0])

@@ -14,7 +14,16 @@ from leastaction.elements import ExpressionPotential
 from leastaction.expressions import time, variable
 from leastaction.limits import Ball, Bound, Equal, Keep, Oriented, Pointing
 from leastaction.mechanics import BodyWrench, Gravity, Mechanism, MidpointVI, ball, free, rx, ry, tx
-from leastaction.optimal import ContinuousQuadraticCost, DenseTrajectory, FinalTime, QuadraticCost, Status, optimize
+from leastaction.optimal import (
+    ContinuousQuadraticCost,
+    DenseTrajectory,
+    FinalTime,
+    Options,
+    PiecewisePolynomial,
+    QuadraticCost,
+    Status,
+    optimize,
+)
 from leastaction.optimal.collocation.limits import Points
 from leastaction.optimal.collocation.mesh import MATRIX, RadauMesh
 from leastaction.optimal.collocation.system import CollocationSystem
@@ -182,8 +191,9 @@ def test_starts_and_ends_may_be_free() -> None:
     assert free_turn.cost < 1e-6
 
 
+@pytest.mark.parametrize("collocate", [True, False])
 @pytest.mark.parametrize("angle", [0.5, 3.0])
-def test_large_turns_take_few_iterations(angle: float) -> None:
+def test_large_turns_take_few_iterations(angle: float, collocate: bool) -> None:
     """A small body at rest, turned about its middle axis: steps of rotations, not of numbers."""
     hull = ball("hull", axes="quaternion", mass=1.0, inertia=(0.01, 0.02, 0.03))
     system = MechanismSystem(Mechanism([hull], [BodyWrench("hull", torque=("a", "b", "c"))]))
@@ -191,7 +201,8 @@ def test_large_turns_take_few_iterations(angle: float) -> None:
     weight = np.r_[np.full(3, 0.01), np.zeros(3)]
     price = {"Q": weight, "R": np.full(3, 0.01), "Q_final": np.full(6, 100.0)}
     cost = ContinuousQuadraticCost(goal, np.zeros(3), **price, space=system)
-    found = optimize(system, cost, initial=(np.eye(7)[0], np.zeros(3)), horizon=(0.0, 2.0))
+    stated = {"initial": (np.eye(7)[0], np.zeros(3)), "horizon": (0.0, 2.0)}
+    found = optimize(system, cost, **stated, options=Options(collocate=collocate))
     assert found.success
     assert found.iterations <= 8
     assert found.cost == pytest.approx(0.001 * angle**2, rel=1e-6)
@@ -265,3 +276,21 @@ def test_a_final_time_takes_few_iterations() -> None:
     # About its third axis, of inertia I: the effort R/2 12 I^2 angle^2 / T^3 and the price have their least sum.
     T = (3.0 * 0.05 * 6.0 * (MOMENTS[2] * angle) ** 2 / 0.1) ** 0.25
     assert found.unknowns["final time"] == pytest.approx(T, rel=0.02)
+
+
+@pytest.mark.parametrize("given", ["weights", "gains"])
+def test_a_projection_of_ones_own_is_by_numbers(given: str) -> None:
+    """On a mesh as by roll-outs: the same minimum, from weights of states or from gains."""
+    system = satellite()
+    K = np.hstack([np.zeros((3, 1)), 2.0 * np.eye(3), np.eye(3)])
+    projection: Any = {"Q": np.ones(7), "R": np.ones(3)}
+    if given == "gains":
+        projection = PiecewisePolynomial.constant(K, 0.0, SECONDS)
+    stated = {"initial": (START, np.zeros(3)), "horizon": (0.0, SECONDS)}
+    cost = turned_over(system)
+    runs = [
+        optimize(system, cost, **stated, options=Options(projection=projection, collocate=collocate))
+        for collocate in (True, False)
+    ]
+    assert all(run.success for run in runs), [run.message for run in runs]
+    assert runs[0].cost == pytest.approx(runs[1].cost, rel=1e-6)

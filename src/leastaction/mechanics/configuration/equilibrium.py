@@ -201,6 +201,8 @@ class _Search:
     def run(self, q: Array, kind: str, tolerance: float, max_iterations: int) -> Equilibrium:
         start, radius = q, _FIRST_RADIUS
         point = self.at(q)
+        if not np.isfinite(point.size):
+            raise self.error(point, 0, "the potential or a force has no finite slope at the guess")
         for iteration in range(max_iterations + 1):
             at_rest = float(np.abs(point.along).max(initial=0.0)) <= tolerance * point.size
             values, vectors = np.linalg.eigh(0.5 * (point.stiffness + point.stiffness.T))

@@ -240,15 +240,21 @@ def derivatives_by(system: DiscreteSystem, x: Array, u: Array, names: Sequence[s
 
 
 def given_start(system: DiscreteSystem, initial: Any) -> tuple[Array, Array]:
-    """Return what was given to start from, or complain: x (N+1, nx) or an initial state (nx,), and u (N, nu).
+    """Return what was given to start from, or complain: x (N+1, nx) or an initial state, and u (N, nu) or one of (nu,).
 
     Copies, which nobody can write to.
     """
     x, u = pair_of(initial)
     space = system.charts()
     N, nx, nu = system.N, system.nx, system.nu
-    states = as_array(x, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)")
-    inputs = as_array(u, "initial u", (N, nu), meaning="(N, nu)")
+    found = system.own_state(x)
+    states = as_array(
+        x if found is None else found, "initial x", (N + 1, nx), (nx,), meaning="(N+1, nx) or an initial state (nx,)",
+        names=system.state_names,
+    )  # fmt: skip
+    inputs = as_array(u, "initial u", (N, nu), (nu,), meaning="(N, nu) or a constant (nu,)", names=system.input_names)
+    if inputs.ndim == 1:
+        inputs = np.tile(inputs, (N, 1))
     if space is not None:
         space.check(states, "initial x")
     return read_only(copied(states)), read_only(copied(inputs))

@@ -69,6 +69,33 @@ class ChartedQuantity(QuantityView):
         return moves
 
 
+class PlainEntries(QuantityView):
+    """Entries of a state that are subtracted and added, with derivatives by the directions ``places`` (m,) they are."""
+
+    def __init__(self, whole: Entries, places: Instants) -> None:
+        super().__init__(whole)
+        self.places, self.by_entries = places, False
+        self._slopes = np.diag(whole.factors)
+
+    def instants(self, k: Instants) -> Instants:
+        return k
+
+    def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
+        return self.places
+
+    def values(self, at: Samples) -> Array:
+        return self.whole.values(at)
+
+    def apart(self, other: Quantity, k: Instants) -> Array | None:
+        return wholes_apart(self, other, k)
+
+    def jacobian(self, at: Samples) -> Array:
+        return np.broadcast_to(self._slopes, (len(at.k), *self._slopes.shape))
+
+    def curvature(self, at: Samples, y: Array) -> None:
+        """Return None: they are linear."""
+
+
 class NumberedQuantity(QuantityView):
     """A quantity that derives itself by directions of a state (ndx), with derivatives by its numbers (nx).
 
@@ -131,12 +158,21 @@ def charted(rows: Sequence[Rows], space: StateSpace | None) -> list[Rows]:
     """Return rows with derivatives by charts, as those of states that are plain vectors are anyway."""
     if space is None:
         return list(rows)
-    made: dict[int, ChartedQuantity] = {}
+    made: dict[int, QuantityView] = {}
     found = []
     for each in rows:
         quantity = each.quantity
         if quantity.by_entries:
             # Both sides of a limit are of one quantity.
-            each = replace(each, quantity=made.setdefault(id(quantity), ChartedQuantity(quantity, space)))
+            each = replace(each, quantity=made.setdefault(id(quantity), _in_charts(quantity, space)))
         found.append(each)
     return found
+
+
+def _in_charts(quantity: Quantity, space: StateSpace) -> QuantityView:
+    """Return a quantity that derives itself by entries as one by directions, by as few of these as are known."""
+    if isinstance(quantity, Entries) and len(set(quantity.places)) == len(quantity.places):
+        moving = space.pattern[quantity.places] & ~space.curved
+        if (space.pattern[quantity.places].sum(axis=1) == 1).all() and moving.any(axis=1).all():
+            return PlainEntries(quantity, moving.argmax(axis=1))
+    return ChartedQuantity(quantity, space)
