@@ -1,158 +1,145 @@
-"""A drone among pillars and an arm of ball joints, by quaternions and by three angles: iterations and seconds.
+"""Rotations that are unit quaternions beside three angles: ``python -m benchmarks.rotations [--quick] [--only NAME]``.
 
-After the problems of S. Teng and others, "Riemannian Direct Trajectory Optimization of Rigid Bodies on Matrix Lie
-Groups" (2025): a drone that crosses a field of vertical cylinders and ends with another attitude, and a manipulator
-whose bodies end with wanted orientations, within bounds of what drives them. Their numbers are not known here; sizes,
-fields and goals are drawn, always the same ones. What converges from a line in the space of states, without any help,
-is compared with what three angles make of the same problem.
-
-    python -m benchmarks.rotations
+The same mechanism twice, from the same start with the same velocities, over the same steps. What is timed, a step of a
+whole roll-out, A and B, and the contracted second order packed as an optimisation asks for it, is done in turns, and
+the best of each counts: the ratio of the two is the same on a machine that others use.
 """
 
 from __future__ import annotations
 
-import time
-import warnings
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Any
+import os
 
-import numpy as np
+for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
 
-import leastaction as la
-from leastaction.elements import BodyWrench, JointForce
-from leastaction.limits import FunctionQuantity, Within
-from leastaction.numerics import rotations
-from leastaction.numerics.arrays import Array
-from leastaction.optimal import Status
+import argparse  # noqa: E402
+import sys  # noqa: E402
+import time  # noqa: E402
+from collections.abc import Callable  # noqa: E402
+from pathlib import Path  # noqa: E402
 
-ROTORS = {"front": (0.17, 0.0, 1), "left": (0.0, 0.17, -1), "back": (-0.17, 0.0, 1), "right": (0.0, -0.17, -1)}
-STEPS, FLIGHT, REACH = 80, 4.0, 1.6  # steps of each problem, and how long it takes (s)
-FIELDS, PILLARS, ARMS = 4, 7, 3
+import numpy as np  # noqa: E402
 
+import leastaction as la  # noqa: E402
+from benchmarks import unit  # noqa: E402
+from benchmarks.settings import MICRO  # noqa: E402
+from leastaction.mechanics import Gravity, JointForce, Mechanism, MidpointVI, ball, free, world  # noqa: E402
 
-@dataclass
-class Problem:
-    """A search to be made, and its name."""
+__all__ = ["CASES", "compare"]
 
-    name: str
-    solve: Callable[[], la.OptimizationResult]
+_DT, _STEPS = 0.002, 20
+_QUATERNION, _ANGLES = "quaternion", "xyz"
+_INERTIA = (0.02, 0.03, 0.025)
 
 
-def line(system: la.MidpointSystem, begin: Array, end: Array) -> Array:
-    """Return states (N+1, nx) on the shortest way from one to another, by smooth steps."""
-    s = np.linspace(0.0, 1.0, system.N + 1)[:, None]
-    s = (3.0 - 2.0 * s) * s**2
-    way = system.difference(end[None], begin[None])
-    return np.asarray(system.plus(np.tile(begin, (system.N + 1, 1)), s * way))
+def _pendulum(axes: str) -> Mechanism:
+    return Mechanism([ball("b", axes=axes, mass=1.0, com=(0.0, 0.1, -0.5), inertia=_INERTIA)], [Gravity()])
 
 
-def posed(m: la.Mechanism, joint: str, phi: Array, known: dict[str, float]) -> dict[str, float]:
-    """Return the numbers of a configuration in which a joint is turned by a vector (rad), whatever its coordinates."""
-    q = rotations.exponential(phi)
-    if f"{joint}.qw" in m.coordinates:
-        return known | dict(zip((f"{joint}.q{a}" for a in "wxyz"), q.tolist(), strict=True))
-    w, x, y, z = q
-    # R = Rx(a) Ry(b) Rz(c)
-    b = np.arcsin(np.clip(2.0 * (x * z + w * y), -1.0, 1.0))
-    a = np.arctan2(2.0 * (w * x - y * z), 1.0 - 2.0 * (x * x + y * y))
-    c = np.arctan2(2.0 * (w * z - x * y), 1.0 - 2.0 * (y * y + z * z))
-    return known | dict(zip((f"{joint}.r{e}" for e in "xyz"), (float(a), float(b), float(c)), strict=True))
+def _body(axes: str) -> Mechanism:
+    return Mechanism([free("b", axes=axes, mass=1.0, inertia=_INERTIA)], [Gravity()])
 
 
-def flight(axes: str, seed: int) -> Problem:
-    """A drone crosses a field of pillars by 6 m and ends with its nose turned, by anything up to half a turn."""
-    rng = np.random.default_rng([1, seed])
-    arms = [la.pose(translation=(x, y, 0.02), name=name) for name, (x, y, _) in ROTORS.items()]
-    thrusts = [BodyWrench(name, (0, 0, name), (0, 0, {name: 0.016 * way})) for name, (*_, way) in ROTORS.items()]
-    m = la.Mechanism(
-        [la.free("drone", axes=axes, mass=0.5, inertia=(2.3e-3, 2.3e-3, 4e-3)), arms], [la.Gravity(), *thrusts]
-    )
-    system = la.MidpointSystem(la.MidpointVI(m, threads=1), np.linspace(0.0, FLIGHT, STEPS + 1))
-    phi = np.array([0.0, 0.0, rng.uniform(1.5, 3.1)])
-    begin, end = (
-        system.integrator.start(m.configuration(posed(m, "drone", turn, {"drone.x": x, "drone.z": 1.0}))).x
-        for turn, x in ((np.zeros(3), -3.0), (phi, 3.0))
-    )
-    hover = np.full(4, 0.5 * 9.81 / 4.0)
-    Q_final = np.r_[np.full(3, 200.0), np.full(3, 50.0), np.full(6, 20.0)]
-    cost = la.QuadraticCost(
-        end, hover, Q=np.r_[np.zeros(6), np.full(6, 1e-2)], R=[0.1] * 4, Q_final=Q_final, space=system
-    )
-    centers = np.column_stack([rng.uniform(-2.3, 2.3, PILLARS), rng.uniform(-0.8, 0.8, PILLARS)])
-    limits: list[Any] = [la.Bound(list(ROTORS), 0.0, 4.0)]
-    for i, (x, y) in enumerate(centers):
-        apart = FunctionQuantity(f"pillar {i}", lambda s, x=x, y=y: (s[:, 0] - x) ** 2 + (s[:, 1] - y) ** 2)
-        limits.append(Within(apart, min=0.35**2))
-    guess = line(system, begin, end)
-    return Problem(f"drone {seed}", lambda: la.optimize(
-        system, cost, initial=(guess, np.tile(hover, (STEPS, 1))), limits=limits, max_iterations=300
-    ))  # fmt: skip
+def _chain(axes: str) -> Mechanism:
+    place = world()
+    for k in range(6):
+        place = place.ball(f"b{k}", axes=axes, mass=1.0, com=(0.0, 0.1, -0.25), inertia=_INERTIA).tz(-0.5)
+    return Mechanism(place, [Gravity()])
 
 
-def reach(axes: str, seed: int) -> Problem:
-    """Three bodies on ball joints swing from where they hang to drawn orientations, by bounded torques."""
-    rng = np.random.default_rng([2, seed])
-    tree: list[Any] = []
-    names = ("shoulder", "elbow", "wrist")
-    for name in reversed(names):
-        body = la.ball(name, axes=axes, mass=1.0, com=(0.0, 0.0, -0.15), inertia=(8e-3, 8e-3, 1e-3))
-        tree = [body, [la.tz(-0.3), tree]] if tree else [body]
-    letter = "w" if axes == "quaternion" else "r"
-    motors = [JointForce(f"{name}.{letter}{a}", f"{name} {a}") for name in names for a in "xyz"]
-    m = la.Mechanism(tree, [la.Gravity(), la.Damping(0.05), *motors])
-    system = la.MidpointSystem(la.MidpointVI(m, threads=1), np.linspace(0.0, REACH, STEPS + 1))
-    begin = system.integrator.start(m.configuration()).x
-    known: dict[str, float] = {}
-    for name in names:
-        axis = rng.standard_normal(3)
-        known = posed(m, name, axis / np.linalg.norm(axis) * rng.uniform(1.0, 2.6), known)
-    end = system.integrator.start(m.configuration(known)).x
-    n = m.nv
-    cost = la.QuadraticCost(
-        end, np.zeros(9), Q=np.r_[np.zeros(n), np.full(n, 1e-2)], R=[1e-2] * 9,
-        Q_final=np.r_[np.full(n, 200.0), np.full(n, 20.0)], space=system,
-    )  # fmt: skip
-    limits = [la.Bound("*", -12.0, 12.0, of="input")]
-    return Problem(f"arm {seed}", lambda: la.optimize(
-        system, cost, initial=(begin, np.zeros((STEPS, 9))), limits=limits, max_iterations=300
-    ))  # fmt: skip
+def _quadruped(axes: str) -> Mechanism:
+    base = world().free("base", axes=axes, mass=2.0, inertia=_INERTIA)
+    hinges = []
+    for k, (x, y) in enumerate(((0.2, 0.1), (0.2, -0.1), (-0.2, 0.1), (-0.2, -0.1))):
+        names = [f"leg{k}.{part}" for part in ("roll", "hip", "knee")]
+        hip = base.tx(x).ty(y).rx(names[0], mass=0.2, inertia=(1e-4, 1e-4, 1e-4))
+        thigh = hip.ry(names[1], mass=0.3, com=(0.0, 0.0, -0.1), inertia=(2e-3, 2e-3, 2e-4))
+        thigh.tz(-0.2).ry(names[2], mass=0.2, com=(0.0, 0.0, -0.1), inertia=(1e-3, 1e-3, 1e-4))
+        hinges += names
+    return Mechanism(base, [Gravity(), *(JointForce(name, input=f"{name}.torque") for name in hinges)])
 
 
-def problems(axes: str) -> Iterator[Problem]:
-    """Yield all of them, by quaternions or by angles."""
-    yield from (flight(axes, seed) for seed in range(FIELDS))
-    yield from (reach(axes, seed) for seed in range(ARMS))
+def _robot(name: str, urdf: str) -> Callable[[str], Mechanism]:
+    def load(axes: str) -> Mechanism:
+        import example_robot_data
+
+        folder = Path(example_robot_data.getModelPath(urdf))
+        return la.load(folder / urdf, floating=True, axes=axes, inertia="repair").mechanism
+
+    load.__name__ = name
+    return load
 
 
-def told(problem: Problem) -> tuple[str, int]:
-    """Return what is said of a search, and how many iterations it took; none where it came to no minimum."""
-    begun = time.thread_time()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            found = problem.solve()
-        except la.LeastActionError as error:
-            return f"{type(error).__name__}", 0
-    seconds, good = time.thread_time() - begun, found.status is Status.CONVERGED
-    return f"{found.iterations:4d} iterations, {seconds:6.2f} s, cost {found.cost:9.3f}, {found.status.name}", (
-        found.iterations if good else 0
+CASES: dict[str, Callable[[str], Mechanism]] = {
+    "ball": _pendulum,
+    "free body": _body,
+    "chain of six balls": _chain,
+    "quadruped": _quadruped,
+    "solo12": _robot("solo12", "solo_description/robots/solo12.urdf"),
+    "talos": _robot("talos", "talos_data/robots/talos_reduced.urdf"),
+}
+"""Mechanisms by name, each made with the axes that it is given."""
+
+
+def _jobs(m: Mechanism, x0: np.ndarray) -> tuple[list[Callable[[], object]], float, float]:
+    """Return what is timed, and Newton iterations and factorisations of a step."""
+    vi = MidpointVI(m, threads=1)
+    t, u = _DT * np.arange(_STEPS + 1), np.zeros((_STEPS, m.nu))
+    out = vi.core.roll_out(t, x0, None, u, None)
+    if out.steps < _STEPS:
+        raise RuntimeError(f"the roll-out failed after {out.steps} of {_STEPS} steps")
+    first = vi.linearize_arrays(t, out.x, u)
+    weights = np.random.default_rng(0).normal(size=(_STEPS, 2 * m.nv))
+    return (
+        [
+            lambda: vi.core.roll_out(t, x0, None, u, None),
+            lambda: vi.linearize_arrays(t, out.x, u, out=first),
+            lambda: first.packed_curvature_all(weights),
+        ],
+        out.iterations / _STEPS,
+        out.factorizations / _STEPS,
     )
 
 
-def main() -> None:
-    """Print each search, by quaternions and by angles, and the medians of what converged."""
-    print(f"{STEPS} steps each; seconds of this thread")
-    iterations: dict[str, list[int]] = {"quaternion": [], "xyz": []}
-    for pair in zip(problems("quaternion"), problems("xyz"), strict=True):
-        for axes, problem in zip(iterations, pair, strict=True):
-            said, count = told(problem)
-            iterations[axes].append(count)
-            print(f"{problem.name:9s} {axes:10s} {said}", flush=True)
-    for axes, counts in iterations.items():
-        good = [count for count in counts if count]
-        print(f"{axes}: {len(good)} of {len(counts)} end in a minimum, after {np.median(good):.0f} iterations (median)")
+def compare(jobs: list[Callable[[], object]], rounds: int) -> list[float]:
+    """Return the least time (s) of each of some calls that are done in turns."""
+    best = [float("inf")] * len(jobs)
+    for _ in range(rounds):
+        for k, job in enumerate(jobs):
+            began = time.perf_counter()
+            job()
+            best[k] = min(best[k], time.perf_counter() - began)
+    return best
+
+
+def main() -> int:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.rotations", description="Quaternions beside angles.")
+    parser.add_argument("--quick", action="store_true", help="a few rounds, to see that it runs")
+    parser.add_argument("--only", action="append", choices=sorted(CASES), help="only this case, may be given again")
+    arguments = parser.parse_args()
+    rounds = 100 if arguments.quick else 2000
+    measured = unit.measure(0.05 if arguments.quick else 0.5)
+    note = measured if isinstance(measured, str) else f"{measured.best / MICRO:.1f} us"
+    print(f"unit: {note}; times of one step in us, with quaternions and with angles, and their ratio")
+    print(f"{'':20s} {'it. fact.':>20s} {'step':>20s} {'A, B':>20s} {'second order':>20s}")
+    for name in arguments.only or CASES:
+        jobs: list[list[Callable[[], object]]] = []
+        counts = []
+        for axes in (_QUATERNION, _ANGLES):
+            m = CASES[name](axes)
+            rates = 0.3 * np.random.default_rng(1).normal(size=m.nv)
+            x0 = MidpointVI(m).start(m.configuration(), rates).x
+            work, iterations, factorizations = _jobs(m, x0)
+            jobs.append(work)
+            counts.append(f"{iterations:.1f} {factorizations:.1f}")
+        line = f"{name:20s} {' / '.join(counts):>20s}"
+        for pair in zip(*jobs, strict=True):
+            mine, theirs = (best / _STEPS / MICRO for best in compare(list(pair), rounds))
+            line += f"{mine:7.2f} {theirs:6.2f} {mine / theirs:6.2f}"
+        print(line, flush=True)
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
