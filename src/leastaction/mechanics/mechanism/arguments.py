@@ -118,7 +118,6 @@ def angles_only(m: Compiled, what: str) -> None:
         )
 
 
-
 def inputs_of(m: Compiled, inputs: ArrayLike | None, what: str = "inputs") -> Array:
     """Return inputs (n_inputs,), zero if not given."""
     return np.zeros(m.n_inputs) if inputs is None else as_array(inputs, what, (m.n_inputs,), names=m.inputs)

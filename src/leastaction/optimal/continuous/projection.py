@@ -88,7 +88,7 @@ class Follower:
     def _off(self, x: Array, at: Array) -> Array:
         if self.space is None:
             return np.asarray(x - at)
-        return np.einsum("...ia,...a->...i", self.space.plus_derivative(at), self.space.difference(x, at))
+        return np.asarray(np.einsum("...ia,...a->...i", self.space.plus_derivative(at), self.space.difference(x, at)))
 
 
 def roll_out(
