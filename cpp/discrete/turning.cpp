@@ -4,6 +4,10 @@
 #include <array>
 #include <cmath>
 
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wpsabi"  // rows of four are passed within this file alone
+#endif
+
 namespace leastaction {
 
 namespace {
