@@ -9,9 +9,10 @@ weights.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
@@ -69,8 +70,10 @@ class PoseSearch:
         whole = self.plan.problem.mechanism
         q = self._of(self.plan.problem.reference, k)
         place = dict(zip(whole.coordinates[:3], q[:3], strict=True))
-        rest = REST | place | {"torso_rz": float(heading(whole, q))}
-        body = whole.configuration(rest if axes_of(whole) == "zyx" else turns_of_angles(rest))[: whole.first_rho]
+        rest: Mapping[str, Any] = {**REST, **place, "torso_rz": float(heading(whole, q))}
+        if axes_of(whole) == "quaternion":
+            rest = turns_of_angles(rest)
+        body = whole.configuration(rest)[: whole.first_rho]
         q[: whole.first_rho] = on_the_way(body_of(whole), q[: whole.first_rho], body[None], share)[0]
         return np.concatenate([hang_strings(whole, q)[self.columns], self.plan.tension])
 
@@ -154,7 +157,7 @@ class PoseSearch:
         def by_z(z: Array, slopes: Array) -> Array:
             """Return derivatives by z of those by moves of the pose."""
             turning[: m.nv, : m.nv] = turned(m, z[: m.nv] / scale[: m.nv])
-            return slopes @ turning / scale
+            return np.asarray(slopes @ turning / scale)
 
         def cost(z: Array) -> tuple[float, Array]:
             value, slope = self.markers_off(pose_of(z), k)
