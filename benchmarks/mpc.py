@@ -1,4 +1,4 @@
-"""Predictive control: how long a call takes, beside CasADi's fatrop from the same states.
+"""Predictive control: how long a call takes, beside CasADi's fatrop and crocoddyl's BoxFDDP on the same tasks.
 
 ``python -m benchmarks.mpc [--calls N]``. Times are of this thread's processor, so that what else runs on the machine
 counts little; the unit is that of the other benchmarks.
@@ -23,11 +23,13 @@ from benchmarks import unit  # noqa: E402
 from benchmarks.cases import DT, package_marionette  # noqa: E402
 from leastaction.control import MPC  # noqa: E402
 from leastaction.costs import tracking  # noqa: E402
-from leastaction.mechanics import Damping, Gravity, JointForce, Mechanism, MidpointVI, rx, ry, rz, tz  # noqa: E402
+from leastaction.mechanics import Damping, Gravity, JointForce, Mechanism, MidpointVI, rx, ry, rz, to_velocity, tz  # noqa: E402
 from leastaction.models.cart_pendulum import cart_pendulum  # noqa: E402
 from leastaction.numerics.arrays import Array  # noqa: E402
 from leastaction.optimal import Bound, QuadraticCost  # noqa: E402
 from leastaction.systems import MidpointSystem  # noqa: E402
+
+MOST = np.array([80.0, 80.0, 50.0, 50.0, 20.0, 20.0, 10.0])  # N m, of the arm's motors
 
 
 @dataclass(frozen=True)
@@ -66,8 +68,7 @@ def arm() -> Task:
         wanted[:, :7] = 0.4 * np.sin(2.0 * at[:, None] + np.arange(7))
         return QuadraticCost(wanted, np.zeros((30, 7)), Q=[100.0] * 7 + [0.01] * 7, R=[1e-3] * 7)
 
-    most = np.array([80.0, 80.0, 50.0, 50.0, 20.0, 20.0, 10.0])
-    limits = [Bound(f"m{i}", -most[i], most[i]) for i in range(7)]
+    limits = [Bound(f"m{i}", -MOST[i], MOST[i]) for i in range(7)]
     speeds = Bound([f"j{i}" for i in range(7)], -2.0, 2.0, of="rate")
     x = np.concatenate([0.4 * np.sin(np.arange(7.0)), np.zeros(7)])
     return Task("arm of 7, 30 steps", MPC(system, ahead, [*limits, speeds]), x, np.repeat([0.0, 5e-3], 7), 2e-3)
@@ -159,6 +160,57 @@ def fatrop_on_the_cart(calls: int) -> Array:
     return np.array(seconds)
 
 
+def boxfddp_on_the_arm(calls: int) -> Array:
+    """Return the seconds of BoxFDDP's calls, an iteration each from where the last one leads, on the same arm.
+
+    Its model has no damping, and its speeds no limits.
+    """
+    import crocoddyl
+    import pinocchio as pin
+
+    model, parent = pin.Model(), 0
+    kinds = {"z": pin.JointModelRZ, "y": pin.JointModelRY, "x": pin.JointModelRX}
+    for i, axis in enumerate("zyzyzyx"):
+        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.25 * (i > 0)]))
+        parent = model.addJoint(parent, kinds[axis](), place, f"j{i}")
+        inertia = pin.Inertia(4.0 - 0.5 * i, np.array([0.0, 0.0, 0.25]), np.diag([0.05, 0.05, 0.02]))
+        model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
+    state = crocoddyl.StateMultibody(model)
+    actuation, followed, actions = crocoddyl.ActuationModelFull(state), [], []
+    weights = crocoddyl.ActivationModelWeightedQuad(np.repeat([100.0, 0.01], 7))
+    for k in range(31):
+        costs = crocoddyl.CostModelSum(state, 7)
+        followed.append(crocoddyl.ResidualModelState(state, np.zeros(14), 7))
+        costs.addCost("wave", crocoddyl.CostModelResidual(state, weights, followed[-1]), 1.0)
+        torques = crocoddyl.ResidualModelControl(state, np.zeros(7))
+        costs.addCost("torques", crocoddyl.CostModelResidual(state, torques), 1e-3)
+        dynamics = crocoddyl.DifferentialActionModelFreeFwdDynamics(state, actuation, costs)
+        dynamics.armature = np.zeros(7)
+        actions.append(crocoddyl.IntegratedActionModelEuler(dynamics, 0.02 if k < 30 else 0.0))
+        if k < 30:
+            actions[-1].u_lb, actions[-1].u_ub = -MOST, MOST
+    task = arm()
+    x, system, rng, seconds = task.x, task.mpc.system, np.random.default_rng(0), []
+    m = system.mechanism
+    problem = crocoddyl.ShootingProblem(np.zeros(14), actions[:-1], actions[-1])
+    problem.nthreads = 1
+    solver = crocoddyl.SolverBoxFDDP(problem)
+    xs, us = [np.concatenate([x[:7], np.zeros(7)])] * 31, [np.zeros(7)] * 30
+    for k in range(calls + 1):
+        seen = np.concatenate([x[:7], to_velocity(m, x[:7], x[7:])])
+        begun = time.thread_time()
+        problem.x0 = seen
+        for j, each in enumerate(followed):
+            each.reference = np.concatenate([0.4 * np.sin(2.0 * 0.02 * (k + j) + np.arange(7)), np.zeros(7)])
+        solver.solve([seen, *xs[1:]], us, 1 if k else 100, False)
+        if k:
+            seconds.append(time.thread_time() - begun)
+        xs, us = [*list(solver.xs)[1:], solver.xs[-1]], [*list(solver.us)[1:], solver.us[-1]]
+        u = np.clip(solver.us[0], -MOST, MOST)
+        x = system.f(x, u, 0) + task.chance * rng.standard_normal(14)
+    return np.array(seconds)
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -174,16 +226,20 @@ def main() -> None:
         seconds, violation, fallbacks, most = measure(task, calls)
         median, high, worst = (1e3 * float(np.quantile(seconds, q)) / share for q in (0.5, 0.99, 1.0))
         print(
-            f"{task.name:22s} median {median:6.2f}  99 % {high:6.2f}  worst {worst:6.2f}  goal {1e3 * task.goal:4.1f}  "
+            f"{task.name:23s} median {median:6.2f}  99 % {high:6.2f}  worst {worst:6.2f}  goal {1e3 * task.goal:4.1f}  "
             f"violation {violation:.1e}, {fallbacks} fallbacks, at most {most} iterations"
         )
-    try:
-        seconds = fatrop_on_the_cart(min(calls, 300))
-    except ImportError:
-        print("CasADi is not installed")
-        return
-    median, high, worst = (1e3 * float(np.quantile(seconds, q)) / share for q in (0.5, 0.99, 1.0))
-    print(f"{'fatrop on the cart-pole':22s} median {median:6.2f}  99 % {high:6.2f}  worst {worst:6.2f}")
+    for name, others in {
+        "fatrop on the cart-pole": fatrop_on_the_cart,
+        "BoxFDDP on the arm": boxfddp_on_the_arm,
+    }.items():
+        try:
+            seconds = others(min(calls, 300))
+        except ImportError as error:
+            print(f"{name:23s} {error.name} is not installed")
+            continue
+        median, high, worst = (1e3 * float(np.quantile(seconds, q)) / share for q in (0.5, 0.99, 1.0))
+        print(f"{name:23s} median {median:6.2f}  99 % {high:6.2f}  worst {worst:6.2f}")
 
 
 if __name__ == "__main__":

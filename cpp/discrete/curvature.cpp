@@ -19,7 +19,8 @@ SecondOrder::SecondOrder(const Mechanism& mechanism, Split split)
       at_middle_(mechanism),
       at2_(mechanism),
       dual_at1_(mechanism),
-      mu_(nd_ + nc_) {
+      mu_(nd_ + nc_),
+      turned_middle_(mechanism) {
     for (auto* a : {&q1, &q2, &q_mid_}) a->resize(mechanism.n_coordinates());
     for (auto* a : {&mu_force_, &v_, &mu_z_, &w_z_}) a->resize(nq_);
     for (auto* a : {&w_q, &w_p}) a->resize(nd_);
@@ -44,12 +45,12 @@ void SecondOrder::hessian(double dt, const FirstOrder& first) {
     W_thth_.setZero(padded(n_theta_), n_theta_);
     std::copy(mu_.begin(), mu_.begin() + nd_, mu_z_.begin());
     std::copy(w_p.begin(), w_p.end(), w_z_.begin());
-    if (turned_) begin_turned();
+    begin_turned(dt);
     add_lagrangian(dt);
     add_potentials();
     if (!turned_) add_instant_forces();
     add_forces(dt);  // which leaves q_mid_ and all that by_time_step() needs
-    if (turned_) turn(dt);
+    if (turned_) add_bends(dt);
     if (turned_) add_instant_forces();  // whose turns are those of the start alone
     add_constraints();
     if (turned_) turn_constraints();
@@ -82,6 +83,7 @@ void SecondOrder::add_lagrangian(double dt) {
     dual_.at.time = t + 0.5 * dt;
     dual_.gradient(dual_q_.data(), dual_v_.data());
     dual_.hessian();
+    if (turned_) turn_pairs();
     const PairDerivatives& d = dual_.pairs;
     each_pair(mechanism_, d.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
         const double qq = weight * (0.25 * d.qq[at]), vv = weight * (d.vv[at] / (dt * dt));
@@ -103,18 +105,24 @@ void SecondOrder::add_potentials() {
     const Mechanism& m = mechanism_;
     if (m.potentials.empty()) return;
     place(m.massless_joints_seen, dual_q_.data(), dual_.at);
-    for_each_entry(m.potentials, dual_.at, dual_q_.data(), dual_local_, [&](int i, int j, const Dual<double>& bend) {
-        const double value = -0.25 * bend.d;
-        add_11(i, j, value);
-        add_12(i, j, value);
-        add_22(i, j, value);
-    });
+    for (const auto& potential : m.potentials) {
+        for_each_entry(*potential, dual_.at, dual_q_.data(), dual_local_, [&](int i, int j, const Dual<double>& bend) {
+            turned_middle_.each_end(i, [&](int k, const ByEnds& of_i) {
+                turned_middle_.each_end(j, [&](int l, const ByEnds& of_j) {
+                    add_11(k, l, -bend.d * of_i.q_start * of_j.q_start);
+                    add_12(k, l, -bend.d * of_i.q_start * of_j.q_end);
+                    add_22(k, l, -bend.d * of_i.q_end * of_j.q_end);
+                });
+            });
+        });
+        if (turned_) add_turned_potential(*potential);
+    }
 }
 
 // Of the forces: mu.fd- + w_p.fd+ = (kappa- mu + kappa+ w_p).f at the midpoint, with q = (q1 + q2)/2, v = (q2 - q1)/dt.
 void SecondOrder::add_forces(double dt) {
     const Mechanism& m = mechanism_;
-    if (m.forces.empty()) return;
+    if (m.forces.empty() && !turned_) return;
     const double km = kappa_minus(split_, dt), kp = kappa_plus(split_, dt);
     const int at_u = nq_ + nd_;
     for (int i = 0; i < nd_; ++i) mu_force_[i] = km * mu_z_[i] + kp * w_z_[i];
@@ -128,29 +136,39 @@ void SecondOrder::add_forces(double dt) {
         const auto &support = force.support(), &inputs = force.inputs();
         const std::size_t n = support.size(), r = inputs.size();
         const auto second = [&](std::size_t a, std::size_t b) { return P[a * size + b]; };
-        for (std::size_t a = 0; a < n; ++a) {
-            const int i = support[a];
-            for (std::size_t b = 0; b < n; ++b) {
-                const double qq = 0.25 * second(a, b), vv = second(n + a, n + b) / (dt * dt);
-                const double qv = 0.5 * second(a, n + b) / dt, vq = 0.5 * second(n + a, b) / dt;
-                add_11(i, support[b], qq - qv - vq + vv);
-                add_12(i, support[b], qq + qv - vq - vv);
-                add_22(i, support[b], qq + qv + vq + vv);
-            }
-            for (std::size_t b = 0; b < r; ++b) {
-                const double qu = 0.5 * second(a, 2 * n + b), vu = second(n + a, 2 * n + b) / dt;
-                const int input = at_u + inputs[b];
-                W_thth_(i, input) += qu - vu;
-                if (i < nd_)
-                    W_yth_(i, input) += qu + vu;
-                else
-                    W_thth_(input, at_u + nu_ + i - nd_) += qu + vu;
-            }
-        }
+        for (std::size_t a = 0; a < n; ++a)
+            turned_middle_.each_end(support[a], [&](int k, const ByEnds& of_a) {
+                for (std::size_t b = 0; b < n; ++b) {
+                    const double qq = second(a, b), qv = second(a, n + b), vq = second(n + a, b),
+                                 vv = second(n + a, n + b);
+                    const double start_q = of_a.q_start * qq + of_a.v_start * vq,
+                                 start_v = of_a.q_start * qv + of_a.v_start * vv;
+                    const double end_q = of_a.q_end * qq + of_a.v_end * vq, end_v = of_a.q_end * qv + of_a.v_end * vv;
+                    turned_middle_.each_end(support[b], [&](int l, const ByEnds& of_b) {
+                        add_11(k, l, start_q * of_b.q_start + start_v * of_b.v_start);
+                        add_12(k, l, start_q * of_b.q_end + start_v * of_b.v_end);
+                        add_22(k, l, end_q * of_b.q_end + end_v * of_b.v_end);
+                    });
+                }
+                for (std::size_t b = 0; b < r; ++b) {
+                    const double qu = second(a, 2 * n + b), vu = second(n + a, 2 * n + b);
+                    add_input(k, inputs[b], of_a.q_start * qu + of_a.v_start * vu, of_a.q_end * qu + of_a.v_end * vu);
+                }
+            });
         for (std::size_t a = 0; a < r; ++a)
             for (std::size_t b = 0; b < r; ++b)
                 if (inputs[a] <= inputs[b]) W_thth_(at_u + inputs[a], at_u + inputs[b]) += second(2 * n + a, 2 * n + b);
     });
+    if (turned_) add_turned_forces(dt);
+}
+
+void SecondOrder::add_input(int i, int input, double start, double end) {
+    const int at = nq_ + nd_ + input;
+    W_thth_(i, at) += start;
+    if (i < nd_)
+        W_yth_(i, at) += end;
+    else
+        W_thth_(at, at_rho2_ + i - nd_) += end;
 }
 
 // Of share f(q1, 0, u), which stands beside p1.
@@ -179,6 +197,7 @@ void SecondOrder::add_instant_forces() {
 template <class Sink>
 void SecondOrder::each_force_curvature(const std::vector<std::shared_ptr<const GeneralizedForce>>& forces,
                                        const std::vector<int>& joints, double time, const Sink& sink) {
+    if (forces.empty()) return;
     for (int i = 0; i < nq_; ++i) {
         q_along_v_[i] = {q_mid_[i], v_[i]};
         q_along_mu_[i] = {q_mid_[i], mu_force_[i]};

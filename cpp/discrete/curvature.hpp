@@ -60,18 +60,30 @@ public:
 
 private:
     void set_multipliers(const FirstOrder& first);
-    // Where rotations are quaternions (turned_curvature.cpp): what comes before all else, after add_forces(), and after
-    // add_constraints().
+    // Where rotations are quaternions (turned_curvature.cpp): what comes before all else, after each kind of element, after
+    // add_forces(), and after add_constraints().
     void begin_balls();
     void place_balls();       // in q_mid_
     void place_dual_balls();  // in dual_q_ and dual_q1_
     const double* end() const;
-    void begin_turned();
-    void make_rows(double dt);
-    void turn(double dt);
+    void begin_turned(double dt);
+    void turn_pairs();
+    void add_turned_potential(const ConfigurationFunction& potential);
+    void add_turned_forces(double dt);
+    void add_bends(double dt);
     void turn_constraints();
     double& entry(int a, int b);                // of (q1, q2) by (q1, q2), a kept triangle of it
     void add_ends(int a, int b, double value);  // of what is symmetric there, called for (a, b) and (b, a)
+    void add_input(int i, int input, double start, double end);
+    // Of i and j, both ways, by the start and the end of either.
+    void add_both(int i, int j, double ss, double se, double es, double ee) {
+        add_11(i, j, ss);
+        add_11(j, i, ss);
+        add_12(i, j, se);
+        add_12(j, i, es);
+        add_22(i, j, ee);
+        add_22(j, i, ee);
+    }
     void add_prescribed_turns();
     void add_lagrangian(double dt);
     void add_potentials();
@@ -117,7 +129,8 @@ private:
     Eigen::MatrixXd W_thth_;
     std::vector<double> mu_, mu_force_, q_mid_, v_;
     std::vector<double> mu_z_, w_z_;  // mu and w_p as directions in the kernel's coordinates
-    struct Turned;                    // null where no rotation is a quaternion
+    TurnedMiddle turned_middle_;
+    struct Turned;  // null where no rotation is a quaternion
     std::shared_ptr<Turned> turned_;
     bool prescribed_turns_ = false;  // some of these are prescribed
     std::vector<Dual<double>> dual_q_, dual_v_, dual_q1_;

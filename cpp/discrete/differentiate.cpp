@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "discrete/step_hessian.hpp"
-
 namespace leastaction {
 
 FirstOrder::FirstOrder(const Mechanism& m)
@@ -11,21 +9,6 @@ FirstOrder::FirstOrder(const Mechanism& m)
       ld((n_theta + m.n_constraints() + NewtonMatrix::lanes - 1) / NewtonMatrix::lanes * NewtonMatrix::lanes),
       Y(static_cast<std::size_t>(m.n_dynamic + m.n_constraints()) * ld),
       P2(static_cast<std::size_t>(m.n_dynamic) * ld) {}
-
-void FirstOrder::take(const MidpointStep& step) {
-    const Mechanism& m = step.mechanism();
-    const int nd = m.n_dynamic, nk = m.n_kinematic, nq = nd + nk, ni = m.n_inputs, at_u = nq + nd, at_rho2 = at_u + ni;
-    const StepHessian& table = step.table();
-    using Rows = Eigen::Map<NewtonMatrix::Matrix>;
-    Rows y(Y.data(), nd, ld), p2(P2.data(), nd, ld);
-    y.leftCols(nq) = -table.by_ends.topLeftCorner(nd, nq);
-    y.middleCols(at_u, ni) = -table.by_u.topRows(nd);
-    y.middleCols(at_rho2, nk) = -table.by_ends.topRightCorner(nd, nk);
-    p2.leftCols(nq) = table.by_ends.bottomLeftCorner(nd, nq);
-    p2.middleCols(at_u, ni) = table.by_u.bottomRows(nd);
-    p2.middleCols(at_rho2, nk) = table.by_ends.bottomRightCorner(nd, nk);
-    G_y = table.by_ends.block(nd, nq, nd, nd);
-}
 
 bool FirstOrder::differentiate(MidpointStep& step, double dt) {
     if (!step.factor_at_solution(dt)) return false;
@@ -50,37 +33,38 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
             P2[i * ld + at_rho2 + j - nd] += d22;
         }
     };
-    const bool turns = !mechanism.balls.empty();
-    if (turns) take(step);
-    const PairDerivatives& d = step.lagrangian().pairs;
-    if (!turns)
-        each_pair(mechanism, d.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
-            const double qq = weight * (0.25 * dt * d.qq[at]), vv = weight * (d.vv[at] / dt);
-            const double sum = weight * (0.5 * (d.q_v[at] + d.v_q[at])), odd = weight * (0.5 * (d.q_v[at] - d.v_q[at]));
-            if (i < nd) add(i, j, qq - sum + vv, qq - vv + odd, qq - vv - odd, qq + sum + vv);
-            if (j < nd && mirrored) add(j, i, qq - sum + vv, qq - vv - odd, qq - vv + odd, qq + sum + vv);
-        });
+    const PairDerivatives& d = step.pairs();
+    each_pair(mechanism, d.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
+        const double qq = weight * (0.25 * dt * d.qq[at]), vv = weight * (d.vv[at] / dt);
+        const double sum = weight * (0.5 * (d.q_v[at] + d.v_q[at])), odd = weight * (0.5 * (d.q_v[at] - d.v_q[at]));
+        if (i < nd) add(i, j, qq - sum + vv, qq - vv + odd, qq - vv - odd, qq + sum + vv);
+        if (j < nd && mirrored) add(j, i, qq - sum + vv, qq - vv - odd, qq - vv + odd, qq + sum + vv);
+    });
     for (int i = 0; i < nd; ++i) Y[i * ld + at_p + i] = -1.0;
-    const auto add_force = [&](int i, int j, double f_q, double f_v) {
+    // Rows of elements at the middle: weights by q_i and v_i, times derivatives by q_j and v_j.
+    const TurnedMiddle& turned = step.turned_middle();
+    const auto add_row = [&](int i, int j, double at_q, double at_v, double by_q, double by_v) {
         if (i >= nd) return;
-        f_q *= 0.5;
-        f_v /= dt;
-        add(i, j, km * (f_q - f_v), km * (f_q + f_v), kp * (f_q - f_v), kp * (f_q + f_v));
+        turned.spread(i, at_q, at_v, [&](int k, double start, double end) {
+            turned.spread(j, by_q, by_v, [&](int l, double by_start, double by_end) {
+                add(k, l, start * by_start, start * by_end, end * by_start, end * by_end);
+            });
+        });
     };
+    const double force_at_v = 0.5 * dt * (kp - km);  // of fd- and fd+ as one row at the middle
+    const auto add_force = [&](int i, int j, double f_q, double f_v) { add_row(i, j, km + kp, force_at_v, f_q, f_v); };
     const auto add_input = [&](int i, int input, double f_u) {
         if (i >= nd) return;
-        Y[i * ld + at_u + input] -= km * f_u;
-        P2[i * ld + at_u + input] += kp * f_u;
-    };
-    if (!turns) {
-        for (const auto& [i, slot] : mechanism.damping) add_force(i, i, 0.0, -mechanism.numbers[slot]);
-        for (const auto& [i, input] : mechanism.joint_forces) add_input(i, input, 1.0);
-        for_each_entry(mechanism.potentials, middle.at, middle.q, local_, [&](int i, int j, double bend) {
-            const double qq = -0.25 * dt * bend;
-            if (i < nd) add(i, j, qq, qq, qq, qq);
+        turned.spread(i, km + kp, force_at_v, [&](int k, double start, double end) {
+            Y[k * ld + at_u + input] -= start * f_u;
+            P2[k * ld + at_u + input] += end * f_u;
         });
-        for_each_entry(mechanism.forces, middle, force_, add_force, add_input);
-    }
+    };
+    for (const auto& [i, slot] : mechanism.damping) add_force(i, i, 0.0, -mechanism.numbers[slot]);
+    for (const auto& [i, input] : mechanism.joint_forces) add_input(i, input, 1.0);
+    for_each_entry(mechanism.potentials, middle.at, middle.q, local_,
+                   [&](int i, int j, double bend) { add_row(i, j, dt, 0.0, -bend, 0.0); });
+    for_each_entry(mechanism.forces, middle, force_, add_force, add_input);
     const auto add_instant_input = [&](int i, int input, double f_u) {
         if (i < nd) Y[i * ld + at_u + input] -= step.share * f_u;
     };
@@ -97,29 +81,40 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
         for (int k = 0; k < nk; ++k) y[at_rho2 + k] = -step.end_gradients()[c * nq + nd + k];
         y[at_h + c] = -1.0;  // a shift of h: F2 = h + s
     }
-    for (const Ball& ball : mechanism.balls) {
+    for (std::size_t b = 0; b < mechanism.balls.size(); ++b) {
+        const Ball& ball = mechanism.balls[b];
+        const int at = ball.variable;
         if (ball.prescribed) {
-            const GivenTurning::Matrix36 end = GivenTurning(&step.q2[ball.variable]).end_slope();
+            if (nc == 0) continue;
+            const GivenTurning::Matrix36 end = GivenTurning(&step.q2[at]).end_slope();
             for (int c = 0; c < nc; ++c) {
-                const Eigen::Map<const Eigen::Vector3d> by_end(step.end_gradients() + c * nq + ball.variable);
-                const Turning::Vector6 by = end.transpose() * by_end;
+                const Eigen::Map<const Eigen::Vector3d> by_end(step.end_gradients() + c * nq + at);
+                const Eigen::Matrix<double, 6, 1> by = end.transpose() * by_end;
                 double* y = &Y[(nd + c) * ld];
                 for (int i = 0; i < 3; ++i) {
-                    y[ball.variable + i] -= by[i];
-                    y[at_rho2 + ball.variable - nd + i] = -by[3 + i];
+                    y[at + i] -= by[i];
+                    y[at_rho2 + at - nd + i] = -by[3 + i];
                 }
             }
             continue;
         }
+        const Turning::Matrix6 bend = step.own_bend(b);
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) {
+                Y[(at + i) * ld + at + j] -= bend(i, j);
+                P2[(at + i) * ld + at + j] += bend(3 + i, j);
+                G_y(at + i, at + j) += bend(3 + i, 3 + j);
+            }
+        if (nc == 0 && mechanism.instant_forces.empty()) continue;
         Eigen::Vector3d slope = Eigen::Vector3d::Zero();
         for_each_entry(mechanism.instant_forces, step.instant(), force_, [&](int i, double f) {
             if (i >= ball.variable && i < ball.variable + 3) slope[i - ball.variable] -= step.share * f;
         });
         for (int c = 0; c < nc; ++c)
-            for (int i = 0; i < 3; ++i) slope[i] += step.lam[c] * step.start_gradients()[c * nq + ball.variable + i];
-        const Eigen::Matrix3d bend = chart_bend(slope);
+            for (int i = 0; i < 3; ++i) slope[i] += step.lam[c] * step.start_gradients()[c * nq + at + i];
+        const Eigen::Matrix3d by_constraints = chart_bend(slope);
         for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j) Y[(ball.variable + i) * ld + ball.variable + j] += bend(j, i);
+            for (int j = 0; j < 3; ++j) Y[(at + i) * ld + at + j] += by_constraints(j, i);
     }
     step.newton().solve(Y.data(), Y.data() + nd * ld, n_theta + nc, ld);
 

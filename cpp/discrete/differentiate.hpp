@@ -28,8 +28,6 @@ public:
     NewtonMatrix::Matrix G_y;  // dp2/dq2, dynamic
 
 private:
-    void take(const MidpointStep& step);  // what a StepHessian has, where rotations are quaternions
-
     LocalTaylor<double> local_;
     LocalForce<double> force_;
 };

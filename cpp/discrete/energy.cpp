@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "discrete/layout.hpp"
-#include "discrete/step_hessian.hpp"
 
 namespace leastaction {
 
@@ -36,7 +35,7 @@ void MidpointStep::energy(double dt, const double* p, StepEnergy& out) {
     }
     for (std::size_t b = 0; b < turnings_.size(); ++b)
         if (m.balls[b].prescribed)
-            turn_rows(turnings_[b], &out.at_start[m.balls[b].variable], &out.at_end[m.balls[b].variable]);
+            turnings_[b].turn_rows(&out.at_start[m.balls[b].variable], &out.at_end[m.balls[b].variable]);
     for (int i = nd_; i < nq_; ++i) {
         for (int c = 0; c < nc_; ++c) out.at_start[i] += C1_[c * nq_ + i] * lam[c];
     }

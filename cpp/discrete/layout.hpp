@@ -25,9 +25,6 @@ struct Layout {
           ny(ndx + (with_multipliers ? nc : 0)),
           theta(nq + nd + nu) {}
     const Mechanism& m;
-    bool of_ball(int i) const {
-        return std::ranges::any_of(m.balls, [&](const Ball& b) { return i >= b.variable && i < b.variable + 3; });
-    }
     int nd, nk, nq, ni;
     int nqx, nx, ndx;  // of a configuration, of a state, and of differences of states, by which derivatives are
     int nu, nc;
@@ -73,7 +70,7 @@ struct Layout {
     double distance(const MidpointStep& step, const double* next) const {
         double most = 0;
         for (int i = 0; i < nd; ++i)
-            if (!of_ball(i)) most = std::max(most, std::abs(step.q2[i] - next[m.places[i]]));
+            if (step.turned_middle().ball_of(i) < 0) most = std::max(most, std::abs(step.q2[i] - next[m.places[i]]));
         for (const Ball& ball : m.balls) {
             if (ball.prescribed) continue;
             double turn[3];

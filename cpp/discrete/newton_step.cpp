@@ -1,7 +1,6 @@
 #include "discrete/newton_step.hpp"
 
 #include "discrete/root_trust.hpp"
-#include "discrete/step_hessian.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -34,14 +33,15 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
       lagrangian_(*mechanism_),
       newton_(*mechanism_),
       at1_(*mechanism_),
-      at2_(*mechanism_) {
+      at2_(*mechanism_),
+      turned_middle_(*mechanism_) {
     const auto sized = [](std::vector<double>& a, std::size_t n) { a.assign(n, 0.0); };
     const std::size_t nd = nd_, nq = nq_, ny = nd_ + nc_;
     for (auto* a : {&q1, &q2, &q_mid_, &placed_}) sized(*a, mechanism_->n_coordinates());
     for (auto* a : {&v_, &still_, &expected_v_}) sized(*a, nq);
     if (!mechanism_->balls.empty())
-        for (auto* a : {&raw_start_, &raw_end_, &moved_inertia_}) sized(*a, nq);
-    if (!mechanism_->balls.empty()) table_ = std::make_unique<StepHessian>();
+        for (auto* a : {&raw_start_, &raw_end_}) sized(*a, nq);
+    bends_.resize(mechanism_->balls.size());
     if (mechanism_->time_slot >= 0) by_time_ = std::make_unique<TimeSlopes>(*mechanism_);
     for (auto* a : {&p1, &p2, &f_, &q2_kept_, &root_inertia_, &diagonal_, &inertia_}) sized(*a, nd);
     sized(u, mechanism_->n_inputs);
@@ -73,8 +73,6 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
         have_C1_ = have_C2_ = true;
     }
 }
-
-MidpointStep::~MidpointStep() = default;
 
 void MidpointStep::constraint_gradients(const Placement<double>& at, const double* q, double* C) {
     std::fill(C, C + nc_ * nq_, 0.0);
@@ -145,7 +143,7 @@ void MidpointStep::momenta(double dt, double share, std::vector<double>& start, 
     for_each_entry(m.forces, middle(), force_, add);
     if (!turnings_.empty()) {
         for (double& p : start) p = -p;
-        turn_rows_of(m, turnings_, start.data(), end.data(), nq_);
+        turn_rows(start.data(), end.data(), nq_);
         for (double& p : start) p = -p;
     }
     for (const auto& [i, input] : m.instant_joint_forces) start[i] -= share * u[input];
@@ -202,7 +200,7 @@ void MidpointStep::evaluate(double dt) {
             raw_start_[i] = residual[i];
             raw_end_[i] = p2[i];
         }
-        turn_rows_of(*mechanism_, turnings_, residual.data(), p2.data(), nd_);
+        turn_rows(residual.data(), p2.data(), nd_);
         for (int i = 0; i < nd_; ++i) residual[i] += p1[i];
     }
     if (loops_) {
@@ -265,19 +263,26 @@ void MidpointStep::add_elements() {
 template <class Add>
 void MidpointStep::element_matrix(double dt, const Add& add) {
     const Mechanism& m = *mechanism_;
-    const double km = kappa_minus(settings_.split, dt);
-    for (const auto& [i, slot] : m.damping) add(i, i, -km / dt * m.numbers[slot]);
+    const double km = kappa_minus(settings_.split, dt), kp = kappa_plus(settings_.split, dt);
+    const auto add_row = [&](int i, int j, double at_q, double at_v, double by_q, double by_v) {
+        turned_middle_.spread(i, at_q, at_v, [&](int k, double start, double) {
+            turned_middle_.spread(j, by_q, by_v, [&](int l, double, double end) { add(k, l, start * end); });
+        });
+    };
+    const double at_v = 0.5 * dt * (kp - km);  // of fd- and fd+ as one row at the middle
+    for (const auto& [i, slot] : m.damping) add_row(i, i, km + kp, at_v, 0.0, -m.numbers[slot]);
     for_each_entry(m.potentials, lagrangian_.at, q_mid_.data(), local_, [&](int i, int j, double bend) {
-        if (i < nd_ && j < nd_) add(i, j, -0.25 * dt * bend);
+        if (i < nd_ && j < nd_) add_row(i, j, dt, 0.0, -bend, 0.0);
     });
     if (!with_forces_) return;
     const auto by_variable = [&](int i, int j, double f_q, double f_v) {
-        if (i < nd_ && j < nd_) add(i, j, km * (0.5 * f_q + f_v / dt));
+        if (i < nd_ && j < nd_) add_row(i, j, km + kp, at_v, f_q, f_v);
     };
     for_each_entry(m.forces, middle(), force_, by_variable, [](int, int, double) {});
 }
 
 bool MidpointStep::refresh(double dt, bool in_tree) {
+    turned_middle_.set(turnings_, dt);
     in_tree_ = in_tree && tree_;
     have_factors_ = in_tree_ && factor_tree(dt);
     if (!have_factors_) {
@@ -325,9 +330,9 @@ void MidpointStep::list_entries() {
 }
 
 bool MidpointStep::factor_dense(double dt) {
-    if (!mechanism_->balls.empty()) return factor_turned(dt);
     if (own_entries_.empty()) list_entries();
     lagrangian_.hessian();
+    turned_middle_.turn(lagrangian_.pairs);
     newton_.clear();
     double* M = newton_.M.data();
     const PairDerivatives& d = lagrangian_.pairs;
@@ -345,22 +350,53 @@ bool MidpointStep::factor_dense(double dt) {
     }
     for (int i = 0; i < nd_; ++i) note_inertia(i, diagonal_[i]);
     element_matrix(dt, [&](int i, int j, double value) { M[i * newton_.stride + j] += value; });
+    add_bends();
     make_gradients();
     return newton_.factor(C1_.data(), C2_.data(), nq_);
 }
 
-bool MidpointStep::factor_turned(double dt) {
-    lagrangian_.hessian();
-    table_->evaluate(*mechanism_, lagrangian_.pairs, middle(), settings_.split, dt, local_, force_);
-    table_->turn_columns(*mechanism_, turnings_);
-    table_->turn_rows(*mechanism_, turnings_, raw_start_.data(), raw_end_.data());
-    newton_.clear();
-    for (int i = 0; i < nd_; ++i)
-        for (int j = 0; j < nd_; ++j) newton_.M[i * newton_.stride + j] = table_->by_ends(i, nq_ + j);
-    lagrangian_.inertias(moved_inertia_.data());
-    for (int i = 0; i < nd_; ++i) note_inertia(i, moved_inertia_[i]);
-    make_gradients();
-    return newton_.factor(C1_.data(), C2_.data(), nq_);
+void MidpointStep::add_bends() {
+    for (std::size_t b = 0; b < turnings_.size(); ++b) {
+        const Ball& ball = mechanism_->balls[b];
+        if (ball.prescribed) continue;
+        const double *start = &raw_start_[ball.variable], *end = &raw_end_[ball.variable];
+        const Vec3<double> from{start[0], start[1], start[2]}, to{end[0], end[1], end[2]};
+        bends_[b] = by_ends(turnings_[b].bend(from + to, 0.5 * (to - from)));
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j)
+                newton_.M[(ball.variable + i) * newton_.stride + ball.variable + j] += bends_[b](i, 3 + j);
+    }
+}
+
+// And half the commutator, u x v of each end.
+Turning::Matrix6 MidpointStep::own_bend(std::size_t b) const {
+    const int at = mechanism_->balls[b].variable;
+    double rows[6];
+    std::copy_n(&raw_start_[at], 3, rows);
+    std::copy_n(&raw_end_[at], 3, rows + 3);
+    turnings_[b].turn_rows(rows, rows + 3);
+    Turning::Matrix6 out = bends_[b];
+    for (int i = 0; i < 6; ++i) {
+        const int first = i < 3 ? 0 : 3, u = first + (i + 1) % 3, v = first + (i + 2) % 3;  // e_u x e_v = e_i
+        out(v, u) += 0.5 * rows[i];
+        out(u, v) -= 0.5 * rows[i];
+    }
+    return out;
+}
+
+const PairDerivatives& MidpointStep::kernel_pairs() {
+    if (!turnings_.empty()) {
+        lagrangian_.hessian();
+        factored_at_solution_ = false;
+    }
+    return lagrangian_.pairs;
+}
+
+void MidpointStep::turn_rows(double* start, double* end, int n) const {
+    for (std::size_t b = 0; b < turnings_.size(); ++b) {
+        const int at = mechanism_->balls[b].variable;
+        if (at < n) turnings_[b].turn_rows(start + at, end + at);
+    }
 }
 
 void MidpointStep::turn_ends() {
@@ -372,8 +408,8 @@ void MidpointStep::turn_ends() {
         turnings_.emplace_back(phi);
         std::fill_n(&q_mid_[ball.variable], 3, 0.0);
         std::fill_n(&placed_[ball.variable], 3, 0.0);
-        turn_by(start, phi, 0.5, &q_mid_[ball.quaternion]);
-        turn_by(start, phi, 1.0, &placed_[ball.quaternion]);
+        turnings_.back().turn_half(start, &q_mid_[ball.quaternion]);
+        turnings_.back().turn_whole(start, &placed_[ball.quaternion]);
         std::copy_n(&placed_[ball.quaternion], 4, &q2[ball.quaternion]);
     }
 }

@@ -20,14 +20,13 @@
 #include <memory>
 #include <vector>
 
+#include "discrete/turned_middle.hpp"
 #include "discrete/turning.hpp"
 #include "dynamics/lagrangian.hpp"
 #include "dynamics/newton_matrix.hpp"
 #include "mechanism/time_slopes.hpp"
 
 namespace leastaction {
-
-struct StepHessian;  // step_hessian.hpp
 
 enum class Split { symmetric, left };
 // What eliminates the Newton matrix: NewtonMatrix, or TreeNewton where nothing couples variables but the tree, or
@@ -74,7 +73,6 @@ struct StepEnergy {
 class MidpointStep {
 public:
     MidpointStep(std::shared_ptr<const Mechanism> mechanism, const MidpointSettings& settings);
-    ~MidpointStep();
 
     // Problem and unknowns. Before solve(): q1, p1, u, the kinematic part of q2, and guesses of the rest of q2 and lam.
     std::vector<double> q1, p1, u, q2, lam, p2;
@@ -116,11 +114,14 @@ public:
     // q2 as configurations are placed: as it is, but for balls.
     const double* end() const { return mechanism_->balls.empty() ? q2.data() : placed_.data(); }
     const double* start_gradients() const { return C1_.data(); }
-    const StepHessian& table() const { return *table_; }  // with balls, after factor_at_solution()
-    // Of balls: how they turn over the step, and the rows D1Ld + fd- and D2Ld + fd+ before they were turned.
-    const std::vector<Turning>& turnings() const { return turnings_; }
-    const std::vector<double>& raw_start() const { return raw_start_; }
-    const std::vector<double>& raw_end() const { return raw_end_; }
+    // Rows of the first n variables, of which balls have theirs by (q1, q2) of the kernel, to turns of the ends.
+    void turn_rows(double* start, double* end, int n) const;
+    // After factor_at_solution(): the second derivatives of L, of balls by the ends' turns; those by the kernel's coordinates,
+    // which take their place; the rest of the second derivatives of the rows by a ball's ends, X_u of that of v in (v, u).
+    const TurnedMiddle& turned_middle() const { return turned_middle_; }
+    const PairDerivatives& pairs() const { return lagrangian_.pairs; }
+    const PairDerivatives& kernel_pairs();
+    Turning::Matrix6 own_bend(std::size_t ball) const;
     // The Lagrangian at the midpoint, with its second derivatives; what forces see there; the constraints at the start, and
     // their gradients (n_constraints x n_variables) at the end.
     const Lagrangian<double>& lagrangian() const { return lagrangian_; }
@@ -154,7 +155,7 @@ private:
     bool refresh(double dt, bool in_tree);
     bool factor_tree(double dt);
     bool factor_dense(double dt);
-    bool factor_turned(double dt);
+    void add_bends();       // of balls, to the Newton matrix
     void make_gradients();  // C1_ and C2_, where loops_ made do without
     void make_start_gradients();
     void list_entries();
@@ -202,12 +203,13 @@ private:
     LocalForce<double> force_;
     std::vector<double> q_mid_, v_, f_, still_;
     std::vector<Turning> turnings_;
-    std::vector<double> placed_, raw_start_, raw_end_, moved_inertia_;
-    std::unique_ptr<StepHessian> table_;   // null where there are no balls
-    std::unique_ptr<TimeSlopes> by_time_;  // null where nothing changes with the time
-    double potential_size_ = 0;            // of the largest slope of a potential
-    double stored_ = 0, stored_size_ = 0;  // energy in potentials, and the sum of their sizes
-    std::vector<double> inertia_;          // that rotors give each dynamic variable alone
+    TurnedMiddle turned_middle_;
+    std::vector<Turning::Matrix6> bends_;               // by ball and the ends of its step: what no pair of joints has
+    std::vector<double> placed_, raw_start_, raw_end_;  // and the rows D1Ld + fd- and D2Ld + fd+ before they are turned
+    std::unique_ptr<TimeSlopes> by_time_;               // null where nothing changes with the time
+    double potential_size_ = 0;                         // of the largest slope of a potential
+    double stored_ = 0, stored_size_ = 0;               // energy in potentials, and the sum of their sizes
+    std::vector<double> inertia_;                       // that rotors give each dynamic variable alone
     std::vector<double> diagonal_;  // what forces and potentials add to the Newton matrix's, where they add to no more
     std::vector<double> root_inertia_;  // of the diagonal of L_vv, where the Newton matrix was made last
     std::vector<double> C1_, C2_, h_, h_scale_;

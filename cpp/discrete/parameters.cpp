@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "discrete/step_hessian.hpp"
-
 namespace leastaction {
 
 NumberDuals::NumberDuals(const Mechanism& m) : start(m), end(m), middle(m), m_(m), still_(m.n_variables()) {}
@@ -38,10 +36,10 @@ ParameterSlopes::ParameterSlopes(const Mechanism& mechanism)
         a->resize(m_.n_variables());
 }
 
-void ParameterSlopes::set_along_velocity(const MidpointStep& step) {
+void ParameterSlopes::set_along_velocity(MidpointStep& step) {
     for (auto* a : {&L_qv_v_, &L_vv_v_, &f_v_v_, &force_}) std::fill(a->begin(), a->end(), 0.0);
     const ForcePoint<double> at = step.middle();
-    const PairDerivatives& d = step.lagrangian().pairs;
+    const PairDerivatives& d = step.kernel_pairs();
     each_pair(m_, d.stride, [&](int i, int j, std::size_t pair, auto weight, bool mirrored) {
         L_qv_v_[i] += weight * (d.q_v[pair] * at.v[j]);
         L_vv_v_[i] += weight * (d.vv[pair] * at.v[j]);
@@ -125,7 +123,7 @@ void ParameterSlopes::differentiate(MidpointStep& step, const FirstOrder& first,
             start_[i] = 0.5 * dt * L_q_[i] - L_v_[i] + km * f_[i];
             end_[i] = 0.5 * dt * L_q_[i] + L_v_[i] + kp * f_[i];
         }
-        turn_rows_of(m_, step.turnings(), start_.data(), end_.data(), nd);
+        step.turn_rows(start_.data(), end_.data(), nd);
         for (int i = 0; i < nd; ++i) {
             Y[i * ld + k] -= start_[i] + kick_[i];
             P2[i * ld + k] = end_[i];

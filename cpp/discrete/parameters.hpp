@@ -65,7 +65,7 @@ public:
 private:
     void add_numbers(const Parameter& parameter, const MidpointStep& step, int column);
     void add_time_step(MidpointStep& step, double dt);
-    void set_along_velocity(const MidpointStep& step);
+    void set_along_velocity(MidpointStep& step);
 
     const Mechanism& m_;
     const std::vector<double> still_;  // the direction in which no number changes

@@ -1,47 +1,46 @@
 // What rotations that are quaternions add to second derivatives of a step.
 //
-// In the kernel's coordinates z = (q1, q2) the rows r(z) = (D1Ld + fd-, D2Ld + fd+) are covectors, and the weighted sum is
-// S = r(z).Z(z), with Z = X_w z the field of the weights w = (mu, w_p) as turns of the ends (turning.hpp). So with z' = X z
+// In the kernel's coordinates z = (theta, nu) the rows r(z) of a step are covectors, and the weighted sum is S = r(z).Z(z), with
+// Z = X_w z the field of the weights w = (mu, w_p) as turns of the ends (turning.hpp). So with z' = X z
 //
 //   X_u X_v S = z'_u' (r.Z)_zz z'_v  [Z held]  +  (X_u Z).(r_z z'_v) + (X_v Z).(r_z z'_u)  +  r.X_u X_v Z  +  (r_z'Z).X_u X_v z,
 //
-// the symmetric part of it: second derivatives along exp.
+// the symmetric part of it: second derivatives along exp. The first three are those of duals along Z, of which z' changes by
+// X_u Z (turned_middle.hpp); the last two are a ball's own.
 #include <algorithm>
 
 #include "discrete/curvature.hpp"
-#include "discrete/step_hessian.hpp"
 
 namespace leastaction {
 
-using Vector6 = Turning::Vector6;
+using Vector = Turning::Vector;
 using Matrix6 = Turning::Matrix6;
 
 struct SecondOrder::Turned {
-    explicit Turned(const Mechanism& m)
-        : lagrangian(m), end(m.n_coordinates()), start_row(m.n_variables()), end_row(m.n_variables()) {}
-    Lagrangian<double> lagrangian;
+    explicit Turned(const Mechanism& m) : end(m.n_coordinates()) {
+        turnings.reserve(m.balls.size());
+        fields.reserve(m.balls.size());
+        for (auto* a : {&force, &by_q, &by_v}) a->resize(m.n_variables());
+    }
     std::vector<double> end;  // q2 as a configuration
-    std::vector<double> start_row, end_row;
     std::vector<Turning> turnings;
-    std::vector<Vector6> along;   // mu and w_p of each ball
-    std::vector<Matrix6> slopes;  // of z by turns of the ends, or by what is given of one that is prescribed
-    StepHessian table;
-    NewtonMatrix::Matrix own, rows;
+    std::vector<TurnedField> fields;
+    PairDerivatives values;
+    std::vector<double> force, by_q, by_v;  // forces of balls, and the weighted sum's derivatives by what these see
 };
 
 void SecondOrder::begin_balls() {
     if (mechanism_.balls.empty()) return;
     turned_ = std::make_shared<Turned>(mechanism_);
-    turned_->table.only.assign(nq_, 0);
-    for (const Ball& ball : mechanism_.balls) std::fill_n(&turned_->table.only[ball.variable], 3, 1);
     prescribed_turns_ = std::ranges::any_of(mechanism_.balls, &Ball::prescribed);
 }
 const double* SecondOrder::end() const { return turned_ ? turned_->end.data() : q2.data(); }
 
 void SecondOrder::place_balls() {
-    for (const Ball& ball : mechanism_.balls) {
+    for (std::size_t b = 0; b < mechanism_.balls.size(); ++b) {
+        const Ball& ball = mechanism_.balls[b];
         std::fill_n(&q_mid_[ball.variable], 3, 0.0);
-        turn_by(&q1[ball.quaternion], &q2[ball.variable], 0.5, &q_mid_[ball.quaternion]);
+        turned_->turnings[b].turn_half(&q1[ball.quaternion], &q_mid_[ball.quaternion]);
     }
 }
 
@@ -55,62 +54,116 @@ void SecondOrder::place_dual_balls() {
         }
 }
 
-void SecondOrder::begin_turned() {
-    const Mechanism& m = mechanism_;
+void SecondOrder::begin_turned(double dt) {
+    if (!turned_) return turned_middle_.set({}, dt);
     Turned& t = *turned_;
     t.turnings.clear();
-    t.along.clear();
-    t.slopes.clear();
+    t.fields.clear();
     std::copy(q2.begin(), q2.begin() + nq_, t.end.begin());
-    for (const Ball& ball : m.balls) {
+    for (const Ball& ball : mechanism_.balls) {
         const int at = ball.variable;
-        t.turnings.emplace_back(&q2[at]);
+        const Turning& turning = t.turnings.emplace_back(&q2[at]);
         std::fill_n(&t.end[at], 3, 0.0);
-        turn_by(&q1[ball.quaternion], &q2[at], 1.0, &t.end[ball.quaternion]);
-        Vector6 along = Vector6::Zero();
-        for (int i = 0; i < 3 && !ball.prescribed; ++i) {
-            along[i] = mu_[at + i];
-            along[3 + i] = w_p[at + i];
+        turning.turn_whole(&q1[ball.quaternion], &t.end[ball.quaternion]);
+        Vector mu, w;
+        if (!ball.prescribed) {
+            mu = {mu_[at], mu_[at + 1], mu_[at + 2]};
+            w = {w_p[at], w_p[at + 1], w_p[at + 2]};
         }
-        t.along.push_back(along);
-        t.slopes.push_back(ball.prescribed ? GivenTurning(&q2[at]).slope() : t.turnings.back().slope());
-        const Vector6 field = t.turnings.back().slope() * along;
-        for (int i = 0; i < 3; ++i) {
-            mu_z_[at + i] = field[i];
-            w_z_[at + i] = field[3 + i];
-        }
+        const TurnedField& field = t.fields.emplace_back(turning, mu, w);
+        const Vector half_nu = 0.5 * field.nu(), start = field.theta() - half_nu, end = field.theta() + half_nu;
+        mu_z_[at] = start.x, mu_z_[at + 1] = start.y, mu_z_[at + 2] = start.z;
+        w_z_[at] = end.x, w_z_[at + 1] = end.y, w_z_[at + 2] = end.z;
+    }
+    turned_middle_.set(t.turnings, dt);
+    for (std::size_t b = 0; b < t.fields.size(); ++b) turned_middle_.set_field(b, dt * t.fields[b].slope());
+}
+
+void SecondOrder::turn_pairs() {
+    turned_middle_.copy_values(dual_, turned_->values);
+    turned_middle_.turn(dual_.pairs, turned_->values);
+}
+
+// After its second derivatives with the field held: what the field changes by, and its slope.
+void SecondOrder::add_turned_potential(const ConfigurationFunction& potential) {
+    const std::vector<int>& support = potential.support();
+    const std::size_t n = support.size();
+    for (std::size_t a = 0; a < n; ++a) {
+        dual_.L_q[support[a]] -= dual_local_.gradient[a];
+        turned_middle_.each_field_end(support[a], [&](int k, const ByEnds& of_a) {
+            for (std::size_t b = 0; b < n; ++b)
+                turned_middle_.spread(
+                    support[b], -dual_local_.hessian[a * n + b].v, 0.0, [&](int l, double start, double end) {
+                        add_both(k, l, of_a.q_start * start, of_a.q_start * end, of_a.q_end * start, of_a.q_end * end);
+                    });
+        });
     }
 }
 
-// The rows and their derivatives, in the kernel's coordinates.
-void SecondOrder::make_rows(double dt) {
+// Of forces of balls that are no second derivatives with the field held.
+void SecondOrder::add_turned_forces(double dt) {
     const Mechanism& m = mechanism_;
     Turned& t = *turned_;
-    for (int i = 0; i < nq_; ++i) {
-        q_mid_[i] = 0.5 * (q1[i] + q2[i]);
-        v_[i] = (q2[i] - q1[i]) / dt;
-    }
-    place_balls();
-    t.lagrangian.at.time = this->t + 0.5 * dt;
-    t.lagrangian.gradient(q_mid_.data(), v_.data());
-    place(m.massless_joints_seen, q_mid_.data(), t.lagrangian.at);
-    for_each_entry(m.potentials, t.lagrangian.at, q_mid_.data(), local_,
-                   [&](int i, double slope) { t.lagrangian.L_q[i] -= slope; });
-    for (int i = 0; i < nq_; ++i) {
-        t.start_row[i] = 0.5 * dt * t.lagrangian.L_q[i] - t.lagrangian.L_v[i];
-        t.end_row[i] = 0.5 * dt * t.lagrangian.L_q[i] + t.lagrangian.L_v[i];
-    }
-    const double km = kappa_minus(split_, dt), kp = kappa_plus(split_, dt);
-    const auto add = [&](int i, double f) {
-        t.start_row[i] += km * f;
-        t.end_row[i] += kp * f;
+    for (auto* a : {&t.force, &t.by_q, &t.by_v}) std::fill(a->begin(), a->end(), 0.0);
+    // As one row at the middle, for each second: the field of duals is that of dt L.
+    const double at_q = (kappa_plus(split_, dt) + kappa_minus(split_, dt)) / dt,
+                 at_v = 0.5 * (kappa_plus(split_, dt) - kappa_minus(split_, dt));
+    const auto by_variable = [&](int i, int j, double f_q, double f_v) {
+        t.by_q[j] += mu_force_[i] * f_q;
+        t.by_v[j] += mu_force_[i] * f_v;
+        turned_middle_.each_field_end(i, [&](int k, const ByEnds& of_i) {
+            const double at_start = at_q * of_i.q_start + at_v * of_i.v_start,
+                         at_end = at_q * of_i.q_end + at_v * of_i.v_end;
+            turned_middle_.spread(j, f_q, f_v, [&](int l, double start, double end) {
+                add_both(k, l, at_start * start, at_start * end, at_end * start, at_end * end);
+            });
+        });
     };
-    const ForcePoint<double> middle{t.lagrangian.at, q_mid_.data(), v_.data(), u.data()};
-    for (const auto& [i, slot] : m.damping) add(i, -m.numbers[slot] * v_[i]);
-    for (const auto& [i, input] : m.joint_forces) add(i, u[input]);
-    for_each_entry(m.forces, middle, force_, add);
-    t.lagrangian.hessian();
-    t.table.evaluate(m, t.lagrangian.pairs, middle, split_, dt, local_, force_);
+    const auto by_input = [&](int i, int input, double f_u) {
+        turned_middle_.each_field_end(i, [&](int k, const ByEnds& of_i) {
+            add_input(k, input, (at_q * of_i.q_start + at_v * of_i.v_start) * f_u,
+                      (at_q * of_i.q_end + at_v * of_i.v_end) * f_u);
+        });
+    };
+    for (const auto& [i, slot] : m.damping) {
+        t.force[i] -= m.numbers[slot] * v_[i];
+        by_variable(i, i, 0.0, -m.numbers[slot]);
+    }
+    for (const auto& [i, input] : m.joint_forces) {
+        t.force[i] += u[input];
+        by_input(i, input, 1.0);
+    }
+    if (m.forces.empty()) return;
+    const ForcePoint<double> middle{at_middle_, q_mid_.data(), v_.data(), u.data()};
+    for_each_entry(m.forces, middle, force_, [&](int i, double f) { t.force[i] += f; });
+    for_each_entry(m.forces, middle, force_, by_variable, by_input);
+}
+
+void SecondOrder::add_bends(double dt) {
+    const double km = kappa_minus(split_, dt), kp = kappa_plus(split_, dt);
+    Turned& t = *turned_;
+    for (std::size_t b = 0; b < t.turnings.size(); ++b) {
+        const Ball& ball = mechanism_.balls[b];
+        const int at = ball.variable;
+        const auto vector = [&](const auto& of) { return Vector{of(at), of(at + 1), of(at + 2)}; };
+        const Vector by_theta = vector([&](int i) { return dual_.L_q[i].d + t.by_q[i]; }),
+                     by_nu = vector([&](int i) { return (dual_.L_v[i].d + t.by_v[i]) / dt; });
+        Matrix6 own;
+        if (ball.prescribed) {
+            own = GivenTurning(&q2[at]).bend(by_theta, by_nu);
+        } else {
+            const Vector g = vector([&](int i) { return dt * dual_.L_q[i].v + (km + kp) * t.force[i]; }),
+                         h = vector([&](int i) { return dual_.L_v[i].v + 0.5 * (kp - km) * t.force[i]; });
+            own = t.fields[b].bend(g, h, by_theta, by_nu);
+        }
+        own = by_ends(own);
+        for (int k = 0; k < 3; ++k)
+            for (int l = 0; l < 3; ++l) {
+                add_11(at + k, at + l, own(k, l));
+                add_12(at + k, at + l, own(k, 3 + l));
+                add_22(at + k, at + l, own(3 + k, 3 + l));
+            }
+    }
 }
 
 double& SecondOrder::entry(int a, int b) {
@@ -123,96 +176,6 @@ double& SecondOrder::entry(int a, int b) {
     return W_thth_(at_rho2_ + i - nd_, at_rho2_ + j - nd_);
 }
 
-void SecondOrder::turn(double dt) {
-    make_rows(dt);
-    Turned& t = *turned_;
-    const int n = 2 * nq_, at_u = nq_ + nd_, count = 6 * static_cast<int>(t.turnings.size());
-    const auto& balls = mechanism_.balls;
-    const auto place_of = [&](int row) {
-        const int at = balls[row / 6].variable, k = row % 6;
-        return k < 3 ? at + k : nq_ + at + k - 3;
-    };
-    auto& W = t.own;  // rows of balls alone
-    W.resize(count, n);
-    t.rows.resize(6, n);
-    for (int row = 0; row < count; ++row)
-        for (int c = 0; c < n; ++c) W(row, c) = entry(place_of(row), c);
-    std::vector<Vector6> by_z;  // r_z'Z by the kernel's coordinates of each ball
-    for (const Ball& ball : mechanism_.balls) {
-        Vector6 out = Vector6::Zero();
-        for (int i = 0; i < nd_; ++i)
-            for (int k = 0; k < 6; ++k) {
-                const int column = k < 3 ? ball.variable + k : nq_ + ball.variable + k - 3;
-                out[k] += mu_z_[i] * t.table.by_ends(i, column) + w_z_[i] * t.table.by_ends(nd_ + i, column);
-            }
-        by_z.push_back(out);
-    }
-    t.table.turn_columns(mechanism_, t.turnings);
-    for (int b = 0; b < count / 6; ++b) {
-        const int at = balls[b].variable;
-        turn_rows(W, 6 * b, 6 * b + 3, t.slopes[b]);
-        turn_columns(W, at, nq_ + at, t.slopes[b]);
-    }
-    // Once all that is held has been turned, what the fields change by.
-    for (std::size_t b = 0; b < t.turnings.size(); ++b) {
-        const int at = mechanism_.balls[b].variable;
-        const int first = 6 * static_cast<int>(b);
-        if (mechanism_.balls[b].prescribed) {
-            const Matrix6 own = GivenTurning(&q2[at]).bend(by_z[b]);
-            for (int k = 0; k < 6; ++k)
-                for (int l = 0; l < 6; ++l) W(first + k, place_of(first + l)) += own(k, l);
-            if (nu_ == 0) continue;
-            const int at_end = at_rho2_ + at - nd_;
-            Eigen::Matrix<double, 6, Eigen::Dynamic> rows(6, nu_);
-            rows << W_thth_.block(at, at_u, 3, nu_), W_thth_.block(at_u, at_end, nu_, 3).transpose();
-            rows = (t.slopes[b].transpose() * rows).eval();
-            W_thth_.block(at, at_u, 3, nu_) = rows.topRows(3);
-            W_thth_.block(at_u, at_end, nu_, 3) = rows.bottomRows(3).transpose();
-            continue;
-        }
-        Vector6 values;
-        for (int i = 0; i < 3; ++i) {
-            values[i] = t.start_row[at + i];
-            values[3 + i] = t.end_row[at + i];
-        }
-        const Turning::Field field = t.turnings[b].field(t.along[b], values, by_z[b]);
-        const Matrix6 own = field.bend + field.chart;
-        auto& rows = t.rows;
-        for (int k = 0; k < 6; ++k) {
-            double* row = &rows(k, 0);
-            std::fill_n(row, n, 0.0);
-            for (int l = 0; l < 6; ++l) {
-                const double* of = &t.table.by_ends((l < 3 ? at : nd_ + at - 3) + l, 0);
-                const double weight = field.slope(l, k);
-                for (int c = 0; c < n; ++c) row[c] += weight * of[c];
-            }
-        }
-        for (int k = 0; k < 6; ++k) {
-            double* to = &W(first + k, 0);
-            for (int c = 0; c < n; ++c) to[c] += rows(k, c);
-            for (int l = 0; l < 6; ++l) to[place_of(first + l)] += own(k, l);
-            for (int row = 0; row < count; ++row) W(row, place_of(first + k)) += rows(k, place_of(row));
-        }
-        if (nu_ == 0) continue;
-        Eigen::Matrix<double, 6, Eigen::Dynamic> by_inputs(6, nu_);
-        by_inputs << W_thth_.block(at, at_u, 3, nu_), W_yth_.block(at, at_u, 3, nu_);
-        by_inputs = (t.turnings[b].slope().transpose() * by_inputs).eval();
-        Eigen::Matrix<double, 6, Eigen::Dynamic> by_u(6, nu_);
-        by_u << t.table.by_u.middleRows(at, 3), t.table.by_u.middleRows(nd_ + at, 3);
-        by_inputs += field.slope.transpose() * by_u;
-        W_thth_.block(at, at_u, 3, nu_) = by_inputs.topRows(3);
-        W_yth_.block(at, at_u, 3, nu_) = by_inputs.bottomRows(3);
-    }
-    for (int row = 0; row < count; ++row) {
-        const int a = place_of(row);
-        for (int c = 0; c < n; ++c) {
-            entry(a, c) = W(row, c);
-            if (std::min(a, c) >= nq_ && std::max(a, c) < nq_ + nd_)
-                W_yy_(a - nq_, c - nq_) = W_yy_(c - nq_, a - nq_) = W(row, c);
-        }
-    }
-}
-
 // At the start the weighted sum holds -lam.X_mu h and share f.X_mu q1, at the end mu_h.h.
 void SecondOrder::turn_constraints() {
     const Mechanism& m = mechanism_;
@@ -222,7 +185,7 @@ void SecondOrder::turn_constraints() {
         if (nc_ == 0 && m.instant_forces.empty()) break;
         const int at = ball.variable;
         constexpr double none[3] = {0, 0, 0};
-        const TurnedField field(ball.prescribed ? none : &mu_[at]);
+        const TurnedAxis field(ball.prescribed ? none : &mu_[at]);
         const Matrix3 slope = field.slope();
         Vector3 at_start = Vector3::Zero(), at_end = Vector3::Zero(), along_mu = Vector3::Zero();
         Eigen::Matrix<double, 3, Eigen::Dynamic> bent = Eigen::Matrix<double, 3, Eigen::Dynamic>::Zero(3, nq_);
@@ -244,7 +207,8 @@ void SecondOrder::turn_constraints() {
                 if (own(i)) at_end[i - at] += mu_[nd_ + c] * x;
             });
         }
-        const ForcePoint<double> instant{at_middle_, q1.data(), v_.data(), u.data()};  // as add_instant_forces() left it
+        const ForcePoint<double> instant{at_middle_, q1.data(), v_.data(),
+                                         u.data()};  // as add_instant_forces() left it
         const auto own_of = [&](int i) { return i >= at && i < at + 3; };
         for_each_entry(m.instant_forces, instant, force_, [&](int i, double f) {
             if (own_of(i)) at_start[i - at] += share * f;
@@ -308,8 +272,8 @@ void SecondOrder::add_prescribed_turns() {
         const Ball& ball = m.balls[b];
         if (!ball.prescribed) continue;
         const Eigen::Map<const Eigen::Vector3d> g(&by_end[ball.variable]), w(&w_rho[ball.variable - nd_]);
-        const Matrix6 own = slopes[b].transpose() * symmetric_chart_bend(g) * slopes[b] +
-                            GivenTurning(&q2[ball.variable]).end_bend(g + w);
+        const Eigen::Matrix<double, 6, 6> own = slopes[b].transpose() * symmetric_chart_bend(g) * slopes[b] +
+                                                GivenTurning(&q2[ball.variable]).end_bend(g + w);
         for (int k = 0; k < 6; ++k)
             for (int l = 0; l < 6; ++l) add_ends(place_of(ball, k), place_of(ball, l), own(k, l));
     }

@@ -1,6 +1,6 @@
 #include "discrete/turning.hpp"
 
-#include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -8,145 +8,112 @@ namespace leastaction {
 
 namespace {
 
-using Vector6 = Turning::Vector6;
+using Vector = Vec3<double>;
+using Matrix3 = Turning::Matrix3;
 using Matrix6 = Turning::Matrix6;
 
-// A function of n numbers to second order about a point.
-template <int n>
-struct Jet {
-    double v = 0;
-    Eigen::Matrix<double, n, 1> g = Eigen::Matrix<double, n, 1>::Zero();
-    Eigen::Matrix<double, n, n> h = Eigen::Matrix<double, n, n>::Zero();
-
-    Jet() = default;
-    Jet(double value) : v(value) {}
-    static Jet variable(int i) {
-        Jet out;
-        out.g[i] = 1;
-        return out;
-    }
-    // f(this) for a function with this value and these derivatives.
-    Jet of(double f, double f1, double f2) const {
-        Jet out(f);
-        out.g = f1 * g;
-        out.h = f1 * h + f2 * g * g.transpose();
-        return out;
-    }
-};
-template <int n>
-Jet<n> operator+(const Jet<n>& a, const Jet<n>& b) {
-    Jet<n> out(a.v + b.v);
-    out.g = a.g + b.g;
-    out.h = a.h + b.h;
+using Row = Matrix3::Row;
+Row row(double x, double y, double z) { return Row{x, y, z, 0.0}; }
+Row row(const Vector& a) { return row(a.x, a.y, a.z); }
+const Matrix3 identity{{row(1, 0, 0), row(0, 1, 0), row(0, 0, 1)}}, nothing{};
+Matrix3 outer(const Vector& a, const Vector& b) {
+    const Row of_b = row(b);
+    return {{a.x * of_b, a.y * of_b, a.z * of_b}};
+}
+void add_diagonal(Matrix3& to, double x) { to = to + Matrix3{{row(x, 0, 0), row(0, x, 0), row(0, 0, x)}}; }
+// a x, and its product with a matrix.
+Matrix3 crossing(const Vector& a) { return {{row(0, -a.z, a.y), row(a.z, 0, -a.x), row(-a.y, a.x, 0)}}; }
+Matrix3 crossed(const Vector& a, const Matrix3& m) {
+    return {{a.y * m.rows[2] - a.z * m.rows[1], a.z * m.rows[0] - a.x * m.rows[2], a.x * m.rows[1] - a.y * m.rows[0]}};
+}
+Vector times(const Vector& a, const Matrix3& m) {
+    const Row out = a.x * m.rows[0] + a.y * m.rows[1] + a.z * m.rows[2];
+    return {out[0], out[1], out[2]};
+}
+// C(b) w as a matrix of b, for one w, and of w, for one b; its product with a matrix; and g.C(b) w as one of b.
+Matrix3 change_by_turn(const Vector& w) { return {{row(0, 0, w.y), row(0, 0, -w.x), row(0, w.x, 0)}}; }
+Matrix3 change_of_rates(const Vector& b) { return {{row(0, b.z, 0), row(-b.z, 0, 0), row(b.y, 0, 0)}}; }
+Matrix3 changed_by_turn(const Vector& w, const Matrix3& m) {
+    return {{w.y * m.rows[2], -w.x * m.rows[2], w.x * m.rows[1]}};
+}
+Vector change(const Vector& b, const Vector& w) { return {b.z * w.y, -b.z * w.x, b.y * w.x}; }
+Vector weighted_change(const Vector& g, const Vector& w) { return {0.0, w.x * g.z, w.y * g.x - w.x * g.y}; }
+// g.C(b) w as a form of b, by rows, and w; its product with a matrix; and the Hessian of g.N(b, b) w.
+Matrix3 change_form(const Vector& g) { return {{row(0, 0, 0), row(g.z, 0, 0), row(-g.y, g.x, 0)}}; }
+Matrix3 change_form(const Vector& g, const Matrix3& m) {
+    return {{row(0, 0, 0), g.z * m.rows[0], g.x * m.rows[1] - g.y * m.rows[0]}};
+}
+Matrix3 bend_form(const Vector& g, const Vector& w) {
+    const double yz = g.z * w.y;
+    return {{row(0, 0, 0), row(0, g.x * w.x, yz), row(0, yz, -g.x * w.x - g.y * w.y)}};
+}
+Eigen::Matrix3d plain(const Matrix3& m) {
+    Eigen::Matrix3d out;
+    for (int i = 0; i < 3; ++i) out.row(i) << m(i, 0), m(i, 1), m(i, 2);
     return out;
 }
-template <int n>
-Jet<n> operator-(const Jet<n>& a, const Jet<n>& b) {
-    Jet<n> out(a.v - b.v);
-    out.g = a.g - b.g;
-    out.h = a.h - b.h;
-    return out;
-}
-template <int n>
-Jet<n> operator*(double s, const Jet<n>& a) {
-    Jet<n> out(s * a.v);
-    out.g = s * a.g;
-    out.h = s * a.h;
-    return out;
-}
-template <int n>
-Jet<n> operator*(const Jet<n>& a, double s) {
-    return s * a;
-}
-template <int n>
-Jet<n> operator*(const Jet<n>& a, const Jet<n>& b) {
-    Jet<n> out(a.v * b.v);
-    out.g = a.v * b.g + b.v * a.g;
-    out.h = a.v * b.h + b.v * a.h + a.g * b.g.transpose() + b.g * a.g.transpose();
-    return out;
-}
-template <int n>
-using Jets = Vec3<Jet<n>>;
 
-// J(theta) near theta = 0 to second order: columns (cy cz, -cy sz, sy), (sz, cz, 0), (0, 0, 1).
-template <int n>
-struct Rates {
-    explicit Rates(const Jets<n>& theta)
-        : sy(theta.y.of(0, 1, 0)),
-          cy(theta.y.of(1, 0, -1)),
-          over(theta.y.of(1, 0, 1)),
-          sz(theta.z.of(0, 1, 0)),
-          cz(theta.z.of(1, 0, -1)) {}
-    Jet<n> sy, cy, over, sz, cz;  // over: 1 / cy
-
-    Jets<n> solve(const Jets<n>& w) const {  // J^-1 w
-        const Jet<n> x = (cz * w.x - sz * w.y) * over;
-        return {x, sz * w.x + cz * w.y, w.z - sy * x};
+// Power series in y = x^2, side by side: c, tau, each with its derivatives, cos(x/4) and sin(x/4)/x.
+constexpr int n_terms = 12, n_series = 8;
+using Series = Eigen::Array<double, n_series, 1>;
+constexpr std::array<double, n_terms + 2> c_series{
+    0.0833333333333333333,   0.00138888888888888889,  0.0000330687830687830688, 8.2671957671957672e-7,
+    2.0876756987868099e-8,   5.28419013868749318e-10, 1.33825365306846788e-11,  3.38968029632258287e-13,
+    8.58606205627784456e-15, 2.17486869855806187e-16, 5.50900282836022952e-18,  1.39544646858125233e-19,
+    3.53470703962946753e-21, 8.95351742703754686e-23};
+constexpr std::array<double, n_terms + 2> tau_series{0.125,
+                                                     0.00260416666666666667,
+                                                     0.0000651041666666666667,
+                                                     1.64698040674603175e-6,
+                                                     4.17127390597442681e-8,
+                                                     1.05658001064088304e-9,
+                                                     2.67634394509530143e-11,
+                                                     6.77925714781190394e-13,
+                                                     1.7172058606100792e-14,
+                                                     4.349733248883285e-16,
+                                                     1.10180030298232058e-17,
+                                                     2.79089277081232254e-19,
+                                                     7.06941407925893506e-21,
+                                                     1.79070348540750937e-22};
+constexpr auto all_series = [] {
+    std::array<std::array<double, n_series>, n_terms> out{};
+    double cosine = 1, sine = 0.25;
+    for (int k = 0; k < n_terms; ++k) {
+        out[k] = {c_series[k],
+                  (k + 1) * c_series[k + 1],
+                  (k + 2) * (k + 1) * c_series[k + 2],
+                  tau_series[k],
+                  (k + 1) * tau_series[k + 1],
+                  (k + 2) * (k + 1) * tau_series[k + 2],
+                  cosine,
+                  sine};
+        cosine /= -16.0 * (2 * k + 1) * (2 * k + 2);
+        sine /= -16.0 * (2 * k + 2) * (2 * k + 3);
     }
-    Jets<n> change(const Jets<n>& by, const Jets<n>& nu) const {  // (DJ by) nu
-        const Jet<n> y = by.y * nu.x, z = by.z * nu.x, own = by.z * nu.y;
-        const Jet<n> turned = cy * z, leant = sy * y;
-        return {cz * own - cz * leant - sz * turned, sz * leant - cz * turned - sz * own, cy * y};
-    }
-};
-
-template <int n>
-Jets<n> lifted(const Vec3<double>& a) {
-    return {Jet<n>(a.x), Jet<n>(a.y), Jet<n>(a.z)};
-}
-// (C by) nu, the derivative of J at theta = 0.
-template <class T>
-Vec3<T> first_change(const Vec3<T>& by, const Vec3<T>& nu) {
-    return {by.z * nu.y, -1.0 * (by.z * nu.x), by.y * nu.x};
-}
-
-// Sums over k of 1/((2 pi k)^2 - y) and the like: a power series in y = x^2, with derivatives.
-constexpr std::array<double, 12> series_c{0.0833333333333333333,   0.00138888888888888889,  0.0000330687830687830688,
-                                          8.2671957671957672e-7,   2.0876756987868099e-8,   5.28419013868749318e-10,
-                                          1.33825365306846788e-11, 3.38968029632258287e-13, 8.58606205627784456e-15,
-                                          2.17486869855806187e-16, 5.50900282836022952e-18, 1.39544646858125233e-19};
-constexpr std::array<double, 12> series_tau{0.125,
-                                            0.00260416666666666667,
-                                            0.0000651041666666666667,
-                                            1.64698040674603175e-6,
-                                            4.17127390597442681e-8,
-                                            1.05658001064088304e-9,
-                                            2.67634394509530143e-11,
-                                            6.77925714781190394e-13,
-                                            1.7172058606100792e-14,
-                                            4.349733248883285e-16,
-                                            1.10180030298232058e-17,
-                                            2.79089277081232254e-19};
-void sum_series(const std::array<double, 12>& a, double y, double& f, double& f1, double& f2) {
-    f = f1 = f2 = 0;
-    for (int i = static_cast<int>(a.size()) - 1; i >= 0; --i) {
-        f2 = f2 * y + 2.0 * f1;
-        f1 = f1 * y + f;
-        f = f * y + a[i];
-    }
-}
+    return out;
+}();
 constexpr double series_below = 1.0;  // of y
 
-Eigen::Matrix3d crossing(const Eigen::Vector3d& a) {
-    Eigen::Matrix3d out;
-    out << 0, -a[2], a[1], a[2], 0, -a[0], -a[1], a[0], 0;
-    return out;
+void multiply(const double* q, double w, double x, double y, double z, double* p) {
+    p[0] = q[0] * w - q[1] * x - q[2] * y - q[3] * z, p[1] = q[0] * x + q[1] * w + q[2] * z - q[3] * y;
+    p[2] = q[0] * y + q[2] * w + q[3] * x - q[1] * z, p[3] = q[0] * z + q[3] * w + q[1] * y - q[2] * x;
 }
-Eigen::Matrix3d crossing(const Vec3<double>& a) { return crossing(Eigen::Vector3d(a.x, a.y, a.z)); }
+// Of unit length to rounding, and so kept; what is beyond one counts alike above and below it.
+void keep_unit(double* p) {
+    const double beyond = (p[0] - 1.0) * (p[0] + 1.0) + p[1] * p[1] + p[2] * p[2] + p[3] * p[3];
+    for (int i = 0; i < 4; ++i) p[i] -= 0.5 * beyond * p[i];
+}
 
 }  // namespace
 
 void turn_by(const double* q, const double* phi, double part, double* out) {
     const double square = part * part * (phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]),
                  half = 0.5 * std::sqrt(square);
-    const double w = std::cos(half);
     const double f = part * (square < 1e-8 ? 0.5 - square / 48.0 : 0.5 * std::sin(half) / half);
-    const double x = f * phi[0], y = f * phi[1], z = f * phi[2];
-    double p[4] = {q[0] * w - q[1] * x - q[2] * y - q[3] * z, q[0] * x + q[1] * w + q[2] * z - q[3] * y,
-                   q[0] * y + q[2] * w + q[3] * x - q[1] * z, q[0] * z + q[3] * w + q[1] * y - q[2] * x};
-    // Of unit length to rounding, and so kept; what is beyond one counts alike above and below it.
-    const double beyond = (p[0] - 1.0) * (p[0] + 1.0) + p[1] * p[1] + p[2] * p[2] + p[3] * p[3];
-    for (int i = 0; i < 4; ++i) out[i] = p[i] - 0.5 * beyond * p[i];
+    double turned[4];
+    multiply(q, std::cos(half), f * phi[0], f * phi[1], f * phi[2], turned);
+    keep_unit(turned);
+    std::copy_n(turned, 4, out);
 }
 
 void rotation_between(const double* a, const double* b, double* out) {
@@ -168,31 +135,34 @@ Vec3<double> turned(const double* quaternion, const Vec3<double>& a, double sens
 Turning::Turning(const double* phi) : phi_{phi[0], phi[1], phi[2]} {
     const double y = dot(phi_, phi_);
     if (y < series_below) {
-        sum_series(series_c, y, c_, c1_, c2_);
-        sum_series(series_tau, y, tau_, tau1_, tau2_);
-    } else {
-        const double x = std::sqrt(y), h = 0.5 * x / std::tan(0.5 * x);
-        const double h1 = (h - h * h - 0.25 * y) / (2.0 * y);
-        const double h2 = ((h1 * (1.0 - 2.0 * h) - 0.25) * 2.0 * y - 2.0 * (h - h * h - 0.25 * y)) / (4.0 * y * y);
-        c_ = (1.0 - h) / y;
-        c1_ = -(h1 + c_) / y;
-        c2_ = -(h2 + 2.0 * c1_) / y;
-        const double t = std::tan(0.25 * x), s = 1.0 + t * t;
-        tau_ = t / (2.0 * x);
-        tau1_ = s / (16.0 * y) - tau_ / (2.0 * y);
-        tau2_ = tau_ * s / (32.0 * y) - s / (16.0 * y * y) - tau1_ / (2.0 * y) + tau_ / (2.0 * y * y);
+        Series sum = Eigen::Map<const Series>(all_series[n_terms - 1].data());
+        for (int k = n_terms - 2; k >= 0; --k) sum = sum * y + Eigen::Map<const Series>(all_series[k].data());
+        c_ = sum[0], c1_ = sum[1], c2_ = sum[2], tau_ = sum[3], tau1_ = sum[4], tau2_ = sum[5];
+        cosine_ = sum[6], sine_ = sum[7];
+        return;
     }
-    const Eigen::Matrix3d p = crossing(phi_);
-    const Eigen::Matrix3d change_by_d = Eigen::Matrix3d::Identity() + c_ * p * p;
-    const auto half = 0.5 * Eigen::Matrix3d::Identity();
-    xi_ << half - tau_ * p, half + tau_ * p;
-    change_ << 0.5 * p - change_by_d, 0.5 * p + change_by_d;
-    // nu = phi less DJ xi phi
-    Matrix36 nu = change_;
-    nu.row(0) -= phi_.y * xi_.row(2);
-    nu.row(1) += phi_.x * xi_.row(2);
-    nu.row(2) -= phi_.x * xi_.row(1);
-    slope_ << xi_ - 0.5 * nu, xi_ + 0.5 * nu;
+    const double x = std::sqrt(y), h = 0.5 * x / std::tan(0.5 * x);
+    const double h1 = (h - h * h - 0.25 * y) / (2.0 * y);
+    const double h2 = ((h1 * (1.0 - 2.0 * h) - 0.25) * 2.0 * y - 2.0 * (h - h * h - 0.25 * y)) / (4.0 * y * y);
+    c_ = (1.0 - h) / y;
+    c1_ = -(h1 + c_) / y;
+    c2_ = -(h2 + 2.0 * c1_) / y;
+    const double t = std::tan(0.25 * x), s = 1.0 + t * t;
+    tau_ = t / (2.0 * x);
+    tau1_ = s / (16.0 * y) - tau_ / (2.0 * y);
+    tau2_ = tau_ * s / (32.0 * y) - s / (16.0 * y * y) - tau1_ / (2.0 * y) + tau_ / (2.0 * y * y);
+    cosine_ = std::cos(0.25 * x);
+    sine_ = std::sin(0.25 * x) / x;
+}
+
+void Turning::turn_half(const double* q, double* out) const {
+    multiply(q, cosine_, sine_ * phi_.x, sine_ * phi_.y, sine_ * phi_.z, out);
+    keep_unit(out);
+}
+void Turning::turn_whole(const double* q, double* out) const {
+    const double twice = 2.0 * cosine_ * sine_;
+    multiply(q, 1.0 - 2.0 * sine_ * sine_ * dot(phi_, phi_), twice * phi_.x, twice * phi_.y, twice * phi_.z, out);
+    keep_unit(out);
 }
 
 void Turning::end_to_phi(double* beta) const {
@@ -208,214 +178,148 @@ Vec3<double> Turning::torque(const double* start, const double* end) const {
             start[2] + end[2] - half(0) * phi_.y + half(1) * phi_.x};
 }
 
-// With P u the change of phi and X u = xi to first order, the second is that of
+void Turning::turn_rows(double* start, double* end) const {
+    const Vec3<double> g = torque(start, end),
+                       h{0.5 * (end[0] - start[0]), 0.5 * (end[1] - start[1]), 0.5 * (end[2] - start[2])};
+    const Vec3<double> across = cross(h, phi_), half = 0.5 * (g + across);
+    const Vec3<double> by_d = h + tau_ * cross(g, phi_) + c_ * cross(across, phi_);
+    const Vec3<double> a = half - by_d, b = half + by_d;
+    start[0] = a.x, start[1] = a.y, start[2] = a.z;
+    end[0] = b.x, end[1] = b.y, end[2] = b.z;
+}
+
+Matrix3 Turning::phi_by_d() const {
+    Matrix3 out = outer(c_ * phi_, phi_);
+    add_diagonal(out, 1.0 - c_ * dot(phi_, phi_));
+    return out;
+}
+
+Matrix6 Turning::slope() const {
+    const Matrix3 P = crossing(phi_), xi_by_d = tau_ * P;
+    return joined(identity, xi_by_d, P - change_by_turn(phi_), phi_by_d() - changed_by_turn(phi_, xi_by_d));
+}
+
+// With xi = xi_d d and dphi = phi_d d by d, the second changes of theta and phi along exp are those of
 //
-//   h.phi + g.theta:   1/2 u'P'Y u - 1/2 g.(C xi) xi,
+//   h.phi + g.theta:   1/2 u'P'Y u - 1/2 g.(C xi) xi,   P u = dphi,
 //   Y u = s x h + c ((p x d) x h + d x (h x p)) + 2 c' p (h.p x (p x d)) + tau d x g + 2 tau' p (g.p x d),
 //
-// c' and tau' by x^2; F holds (C xi) xi.
-Matrix6 Turning::along(const Eigen::Vector3d& g, const Eigen::Vector3d& h, const Eigen::Matrix3d& mixed,
-                       const Eigen::Matrix3d& own) const {
-    const Eigen::Vector3d p(phi_.x, phi_.y, phi_.z), hp = h.cross(p);
-    const Eigen::Vector3d gp = g.cross(p), hpp = hp.cross(p);
-    const Eigen::Matrix3d H = crossing(h);
-    const Eigen::Matrix3d by_d = -c_ * (H * crossing(p) + crossing(hp)) + 2.0 * c1_ * p * hpp.transpose() -
-                                 tau_ * crossing(g) + 2.0 * tau1_ * p * gp.transpose();
-    Matrix36 Y;
-    Y << -0.5 * H - by_d, -0.5 * H + by_d;
-    Eigen::Matrix3d F;
-    F << 0, g[2], -g[1], g[2], 0, g[0], -g[1], g[0], 0;
-    const Matrix36 left = 0.5 * Y + mixed.transpose() * xi_;
-    const Matrix36 right = (0.5 * own - 0.25 * F) * xi_;
-    const Matrix6 half = change_.transpose() * left + xi_.transpose() * right;
-    return half + half.transpose();
+// c' and tau' by x^2.
+Matrix6 Turning::along(const Vector& g, const Vector& h, const Matrix3& twice_theta, const Matrix3& phi_theta,
+                       const Matrix3& twice_phi) const {
+    const Vector &p = phi_, hp = cross(h, p), gp = cross(g, p), hpp = cross(hp, p);
+    const Matrix3 P = crossing(p), phi_d = phi_by_d(), xi_d = tau_ * P;
+    // -c ([h] [p] + [h x p]) with [h] [p] = p h' - (h.p) 1 and [h x p] = p h' - h p'
+    Matrix3 Y = outer(p, 2.0 * (c1_ * hpp + tau1_ * gp - c_ * h)) + outer(c_ * h, p) - tau_ * crossing(g);
+    add_diagonal(Y, c_ * dot(h, p));
+    // 1/4 of the Hessian of g.(C xi) xi is 1/4 [0 g3 -g2; g3 0 g1; -g2 g1 0]
+    const Vector f = 0.25 * g;
+    const Matrix3 own = 0.5 * twice_theta - Matrix3{{row(0, f.z, -f.y), row(f.z, 0, f.x), row(-f.y, f.x, 0)}};
+    const Matrix3 own_d = own * xi_d;
+    const Matrix3 left_s = 0.5 * (twice_phi * P - crossing(h)) + phi_theta;
+    const Matrix3 left_d = 0.5 * (twice_phi * phi_d + Y) + phi_theta * xi_d;
+    const Matrix3 ss = own - crossed(p, left_s), sd = own_d - crossed(p, left_d);
+    const Matrix3 ds = phi_d * left_s - crossed(tau_ * p, own), dd = phi_d * left_d - crossed(tau_ * p, own_d);
+    const Matrix3 both = sd + transposed(ds);
+    return joined(ss + transposed(ss), both, transposed(both), dd + transposed(dd));
 }
 
-// The symmetric part of g.X_u X_v z: nu = phi + (-z phi_y, z phi_x, -y phi_x) + (phi_x (y^2 - z^2), -phi_y z^2, 2 y z phi_y)/2 with
-// theta = (x, y, z).
-Matrix6 Turning::chart(const Vector6& g) const {
-    const Eigen::Vector3d by_nu = 0.5 * (g.tail<3>() - g.head<3>());
-    Eigen::Vector3d by_theta = g.head<3>() + g.tail<3>();
-    by_theta[1] -= by_nu[2] * phi_.x;
-    by_theta[2] += by_nu[1] * phi_.x - by_nu[0] * phi_.y;
-    Eigen::Matrix3d mixed = Eigen::Matrix3d::Zero(), own = Eigen::Matrix3d::Zero();  // theta by phi, theta by theta
-    mixed(2, 1) = -by_nu[0];
-    mixed(2, 0) = by_nu[1];
-    mixed(1, 0) = -by_nu[2];
-    own(1, 1) = by_nu[0] * phi_.x;
-    own(2, 2) = -by_nu[0] * phi_.x - by_nu[1] * phi_.y;
-    own(1, 2) = own(2, 1) = by_nu[2] * phi_.y;
-    return along(by_theta, by_nu, mixed, own);
+// nu = J^-1 phi.
+Matrix6 Turning::bend(const Vector& g, const Vector& h) const {
+    return along(g - weighted_change(h, phi_), h, bend_form(h, phi_), -1.0 * transposed(change_form(h)), nothing);
 }
 
-Matrix6 Turning::bend(const Vector6& g) const {
-    Matrix6 out = chart(g);
-    // Half the commutator: u x v of each end.
-    const Vector6 by_turn = slope_.transpose() * g;
-    for (int end = 0; end < 2; ++end) {
-        const auto half = 0.5 * by_turn.segment<3>(3 * end);
-        for (int i = 0; i < 3; ++i) {
-            const int a = 3 * end + (i + 1) % 3, b = 3 * end + (i + 2) % 3;  // e_a x e_b = e_i
-            out(a, b) += half[i];
-            out(b, a) -= half[i];
-        }
-    }
-    return out;
+// theta moves by J^-1 xi and nu by J^-1 eta - C(xi) phi + ..., of which xi and eta = dphi depend on phi.
+TurnedField::TurnedField(const Turning& turning, const Vector& mu, const Vector& w)
+    : at_(turning), s_(0.5 * (mu + w)), d_(w - mu) {
+    const double c = at_.c_, tau = at_.tau_;
+    const Vector &phi = at_.phi_, across = cross(phi, d_), twice = cross(phi, across);
+    xi_ = s_ + tau * across;
+    eta_ = d_ + cross(phi, s_) + c * twice;
+    xi_phi_ = outer((2.0 * at_.tau1_) * across, phi) - crossing(tau * d_);
+    // -c [phi] [d] = -c (d phi' - (phi.d) 1)
+    eta_phi_ = outer((2.0 * at_.c1_) * twice - c * d_, phi) - crossing(s_ + c * across);
+    add_diagonal(eta_phi_, c * dot(phi, d_));
+    // C(C(.) xi) phi - C(.) eta + 2 N(., xi) phi
+    nu_theta_ = changed_by_turn(phi, change_by_turn(xi_)) - change_by_turn(eta_) +
+                Matrix3{{row(0, phi.x * xi_.y, -phi.x * xi_.z), row(0, 0, -phi.y * xi_.z),
+                         row(0, phi.y * xi_.z, phi.y * xi_.y)}};
+    nu_phi_ = eta_phi_ - change_of_rates(xi_) - changed_by_turn(phi, xi_phi_);
 }
 
-namespace {
+Vector TurnedField::nu() const { return eta_ - change(xi_, at_.phi_); }
 
-Matrix6 weighted(const Jets<6>& theta, const Jets<6>& nu, const Vector6& g) {
-    const auto part = [](const Jets<6>& of, double x, double y, double z) -> Matrix6 {
-        return x * of.x.h + y * of.y.h + z * of.z.h;
-    };
-    return part(theta, g[0] + g[3], g[1] + g[4], g[2] + g[5]) +
-           part(nu, 0.5 * (g[3] - g[0]), 0.5 * (g[4] - g[1]), 0.5 * (g[5] - g[2]));
+Matrix6 TurnedField::slope() const {
+    const Matrix3 P = crossing(at_.phi_), phi_d = at_.phi_by_d(), xi_d = at_.tau_ * P,
+                  theta = -1.0 * change_by_turn(xi_);
+    return joined(theta + xi_phi_ * P, theta * xi_d + xi_phi_ * phi_d, nu_theta_ + nu_phi_ * P,
+                  nu_theta_ * xi_d + nu_phi_ * phi_d);
 }
 
-}  // namespace
+Matrix6 TurnedField::bend(const Vector& g, const Vector& h, const Vector& of_theta, const Vector& of_nu) const {
+    const Vector &phi = at_.phi_, &xi = xi_;
+    const double x = phi.x, y = phi.y;
+    const Vector by_xi = g - weighted_change(h, phi);  // at theta = 0
+    const Vector by_theta = times(h, nu_theta_) - weighted_change(g, xi) + of_theta - weighted_change(of_nu, phi);
+    const Vector by_phi = times(g, xi_phi_) + times(h, nu_phi_) + of_nu;
+    const double yy = -2.0 * h.z * (y * xi.x + x * xi.y) - h.x * y * xi.z;
+    const double zz = h.z * (2.0 * y * xi.x + x * xi.y) + h.x * y * xi.z - h.y * x * xi.z;
+    const double yz = h.x * (2.0 * x * xi.x - y * xi.y) + h.y * y * xi.x + h.z * x * xi.z;
+    const Matrix3 twice_theta = bend_form(by_xi, xi) + bend_form(h, eta_) + bend_form(of_nu, phi) +
+                                Matrix3{{row(0, 0, 0), row(0, yy, yz), row(0, yz, zz)}};
+    const Matrix3 theta_phi = bend_form(h, phi) * xi_phi_ - change_form(by_xi, xi_phi_) - change_form(h, eta_phi_) -
+                              change_form(of_nu) +
+                              Matrix3{{row(0, 0, 0), row(h.x * xi.y - h.y * xi.x, h.x * xi.x + h.z * xi.z, 0),
+                                       row(-h.x * xi.z - h.z * xi.x, h.z * xi.y - h.y * xi.z, 0)}};
 
-// As a function of (theta, phi), which then move along exp.
-Turning::Field Turning::field(const Vector6& w, const Vector6& g, const Vector6& h) const {
-    const Jets<6> theta{Jet<6>::variable(0), Jet<6>::variable(1), Jet<6>::variable(2)};
-    Jets<6> phi{Jet<6>::variable(3), Jet<6>::variable(4), Jet<6>::variable(5)};
-    phi.x.v = phi_.x, phi.y.v = phi_.y, phi.z.v = phi_.z;
-    const Rates<6> rates(theta);
-    const Jets<6> nu = rates.solve(phi);
-    const Vec3<double> alpha{w[0], w[1], w[2]}, beta{w[3], w[4], w[5]};
-    const Vec3<double> s = 0.5 * (alpha + beta), d = beta - alpha;
-    const Jet<6> y = dot(phi, phi), c = y.of(c_, c1_, c2_), tau = y.of(tau_, tau1_, tau2_);
-    const Jets<6> p_d = cross(phi, d);
-    const Jets<6> theta_field = rates.solve(lifted<6>(s) + tau * p_d);
-    const Jets<6> nu_field =
-        rates.solve(lifted<6>(d) + cross(phi, s) + c * cross(phi, p_d) - rates.change(theta_field, nu));
-    Matrix6 move, slope;
-    move << xi_, change_;
-    const Jet<6>* of_theta[3] = {&theta_field.x, &theta_field.y, &theta_field.z};
-    const Jet<6>* of_nu[3] = {&nu_field.x, &nu_field.y, &nu_field.z};
+    // by_xi.xi = tau q + ... and h.eta = c r + ...
+    const Vector e = cross(d_, by_xi);
+    const double ph = dot(phi, h), pd = dot(phi, d_), dh = dot(d_, h), q = dot(phi, e),
+                 r = pd * ph - dot(phi, phi) * dh;
+    const Vector r_phi = ph * d_ + pd * h - (2.0 * dh) * phi;
+    const Vector by_p = 2.0 * (at_.tau1_ * e + at_.c1_ * r_phi + (at_.tau2_ * q + at_.c2_ * r) * phi);
+    const Matrix3 half = outer(phi, by_p) + outer(at_.c_ * d_, h) - transposed_product(xi_phi_, change_form(h));
+    Matrix3 twice_phi = half + transposed(half);
+    add_diagonal(twice_phi, 2.0 * (at_.tau1_ * q + at_.c1_ * r - at_.c_ * dh));
+    return at_.along(by_theta, by_phi, twice_theta, transposed(theta_phi), twice_phi);
+}
+
+// With the blocks of the form ss and so on: of the start, of both, and of the end.
+Matrix6 by_ends(const Matrix6& form) {
+    Matrix6 rows, out;  // rows of alpha and beta
     for (int i = 0; i < 3; ++i) {
-        slope.row(i) = (of_theta[i]->g - 0.5 * of_nu[i]->g).transpose();
-        slope.row(3 + i) = (of_theta[i]->g + 0.5 * of_nu[i]->g).transpose();
+        rows.rows[i] = 0.5 * form.rows[i] - form.rows[3 + i];
+        rows.rows[3 + i] = 0.5 * form.rows[i] + form.rows[3 + i];
     }
-    const Vector6 by = slope.transpose() * g;
-    const Eigen::Matrix3d none = Eigen::Matrix3d::Zero();
-    const Matrix6 second = weighted(theta_field, nu_field, g);
-    return {slope * move, move.transpose() * second * move + along(by.head<3>(), by.tail<3>(), none, none), chart(h)};
-}
-
-namespace {
-
-// The turn over a part of the step, and its change by (alpha, e) to second order.
-struct GivenPart {
-    Jets<6> phi, turn;
-    GivenPart(const Vec3<double>& at, double part) {
-        const double zero[4] = {1, 0, 0, 0}, whole[3] = {at.x, at.y, at.z};
-        double quaternion[4];
-        turn_by(zero, whole, part, quaternion);
-        Jets<6> alpha;
-        Jet<6>* each[3] = {&alpha.x, &alpha.y, &alpha.z};
-        for (int i = 0; i < 3; ++i) {
-            const Vec3<double> a = turned(quaternion, {double(i == 0), double(i == 1), double(i == 2)}, -1.0);
-            each[0]->g[i] = a.x, each[1]->g[i] = a.y, each[2]->g[i] = a.z;
-        }
-        const Jets<6> change{Jet<6>::variable(3), Jet<6>::variable(4), Jet<6>::variable(5)};
-        phi = lifted<6>(at) + change;
-        const Vec3<double> x = part * at;
-        const Jets<6> e = part * change, p = lifted<6>(x), across = cross(p, e), twice = cross(p, across);
-        double f, f1, g, g1;  // dexp = 1 - f [x] + g [x]^2, by y = x^2
-        slopes(dot(x, x), f, f1, g, g1);
-        const Jet<6> along = dot(p, e);
-        const Jets<6> beta =
-            e - f * across + g * twice + 0.5 * g * cross(e, across) - (f1 * along) * across + (g1 * along) * twice;
-        turn = alpha + beta + 0.5 * cross(alpha, beta);
+    for (int i = 0; i < 6; ++i) {
+        Row s, d;
+        std::memcpy(&s, rows.rows[i].data(), sizeof s);
+        std::memcpy(&d, rows.rows[i].data() + 3, sizeof d);
+        const Row start = 0.5 * s - d, end = 0.5 * s + d;
+        double* to = out.rows[i].data();
+        std::memcpy(to, &start, sizeof start);
+        std::memcpy(to + 3, &end, sizeof end);
+        to[6] = to[7] = 0.0;
     }
-
-private:
-    static void slopes(double y, double& f, double& f1, double& g, double& g1) {
-        if (y < series_below) {
-            // (-y)^k / (2k + 2)! and (-y)^k / (2k + 3)!
-            f = f1 = g = g1 = 0;
-            for (int k = 9; k >= 0; --k) {
-                const double a = std::tgamma(2 * k + 3), sign = k % 2 ? -1.0 : 1.0;
-                f1 = f1 * y + f;
-                f = f * y + sign / a;
-                g1 = g1 * y + g;
-                g = g * y + sign / (a * (2 * k + 3));
-            }
-            return;
-        }
-        const double x = std::sqrt(y), s = std::sin(x), c = std::cos(x);
-        f = (1.0 - c) / y;
-        g = (x - s) / (x * y);
-        f1 = (0.5 * x * s - (1.0 - c)) / (y * y);
-        g1 = (1.5 * s - x - 0.5 * x * c) / (x * y * y);
-    }
-};
-
-struct GivenMiddle {
-    Jets<6> theta, nu;
-    explicit GivenMiddle(const Vec3<double>& phi) {
-        const GivenPart half(phi, 0.5);
-        theta = half.turn - 0.5 * first_change(half.turn, half.turn);
-        nu = Rates<6>(theta).solve(half.phi);
-    }
-};
-
-}  // namespace
-
-Matrix6 GivenTurning::slope() const {
-    const GivenMiddle at(phi_);
-    Matrix6 out;
-    const Jets<6> q1 = at.theta - 0.5 * at.nu, q2 = at.theta + 0.5 * at.nu;
-    out << q1.x.g.transpose(), q1.y.g.transpose(), q1.z.g.transpose(), q2.x.g.transpose(), q2.y.g.transpose(),
-        q2.z.g.transpose();
     return out;
 }
-Matrix6 GivenTurning::bend(const Vector6& g) const {
-    const GivenMiddle at(phi_);
-    return weighted(at.theta, at.nu, g);
-}
-GivenTurning::Matrix36 GivenTurning::end_slope() const {
-    const GivenPart whole(phi_, 1.0);
-    Matrix36 out;
-    out << whole.turn.x.g.transpose(), whole.turn.y.g.transpose(), whole.turn.z.g.transpose();
-    return out;
-}
-Matrix6 GivenTurning::end_bend(const Eigen::Vector3d& g) const {
-    const GivenPart whole(phi_, 1.0);
-    return g[0] * whole.turn.x.h + g[1] * whole.turn.y.h + g[2] * whole.turn.z.h;
-}
 
-namespace {
-
-Jets<3> turned_angles() {  // theta along exp
-    const Jets<3> a{Jet<3>::variable(0), Jet<3>::variable(1), Jet<3>::variable(2)};
-    return a - 0.5 * first_change(a, a);
-}
-Eigen::Matrix3d weighted(const Jets<3>& of, const Eigen::Vector3d& g) {
-    return g[0] * of.x.h + g[1] * of.y.h + g[2] * of.z.h;
-}
-
-}  // namespace
-
-Eigen::Matrix3d TurnedField::slope() const {
-    const Jets<3> field = Rates<3>(turned_angles()).solve(lifted<3>(w));
+Eigen::Matrix3d TurnedAxis::slope() const { return -plain(change_by_turn(w)); }
+Eigen::Matrix3d TurnedAxis::bend(const Eigen::Vector3d& g) const {
+    const double xy = 0.5 * (w.y * g[0] - w.x * g[1]), xz = -0.5 * w.x * g[2], yz = w.y * g[2];
     Eigen::Matrix3d out;
-    out << field.x.g.transpose(), field.y.g.transpose(), field.z.g.transpose();
+    out << 0, xy, xz, xy, w.x * g[0], yz, xz, yz, -w.x * g[0] - w.y * g[1];
     return out;
 }
-Eigen::Matrix3d TurnedField::bend(const Eigen::Vector3d& g) const {
-    return weighted(Rates<3>(turned_angles()).solve(lifted<3>(w)), g);
+
+// theta = a - C(a) a/2 along exp.
+Eigen::Matrix3d symmetric_chart_bend(const Eigen::Vector3d& g) {
+    Eigen::Matrix3d out;
+    out << 0, -0.5 * g[2], 0.5 * g[1], -0.5 * g[2], 0, -0.5 * g[0], 0.5 * g[1], -0.5 * g[0], 0;
+    return out;
 }
-Eigen::Matrix3d symmetric_chart_bend(const Eigen::Vector3d& g) { return weighted(turned_angles(), g); }
 Eigen::Matrix3d chart_bend(const Eigen::Vector3d& g) {
-    Eigen::Matrix3d out = symmetric_chart_bend(g);
-    for (int i = 0; i < 3; ++i) {
-        const int a = (i + 1) % 3, b = (i + 2) % 3;
-        out(a, b) += 0.5 * g[i];
-        out(b, a) -= 0.5 * g[i];
-    }
-    return out;
+    return symmetric_chart_bend(g) - 0.5 * plain(crossing({g[0], g[1], g[2]}));
 }
 
 }  // namespace leastaction

@@ -3,8 +3,7 @@
 // The midpoint rule in the chart that moves along, Ld(R1, R2) = dt L(R1 exp(phi/2), phi/dt): at the middle the body's
 // angular velocity is phi/dt. The kernel knows the ball as three joints rx, ry, rz behind the rotation R1 exp(phi/2), with
 // coordinates theta, zero there, and rates nu/dt; so Ld is a function of (theta, nu), or, as for every other variable, of
-//
-//   z = (q1, q2),   q1 = theta - nu/2,   q2 = theta + nu/2.
+// q1 = theta - nu/2 and q2 = theta + nu/2.
 //
 // Turning the ends in their bodies, R1 exp(alpha) and R2 exp(beta), with s = (alpha + beta)/2 and d = beta - alpha,
 // changes the middle and phi by
@@ -17,12 +16,17 @@
 // a derivative with R1 held fixed would make no variational integrator.
 //
 // With J(theta) between the rates and the body's angular velocity, dtheta = J^-1 xi, nu = J^-1 phi and
-// dnu = J^-1 (dphi - (DJ dtheta) nu). Second derivatives of functions on rotations are taken along exp: X_u is the derivative
-// by a turn u = (alpha, beta) that is constant in the bodies, and X_u X_v - X_v X_u is the derivative by (u x v).
+// dnu = J^-1 (dphi - (DJ dtheta) nu). About theta = 0, with C(b) w = (b3 w2, -b3 w1, b2 w1) and
+// N(b, b) w = (w1 (b2^2 - b3^2), -w2 b3^2, 2 b2 b3 w2)/2, J = 1 + C(theta) + ... and J^-1 = 1 - C(theta) + N(theta, theta) + ...
+//
+// Second derivatives of functions on rotations are taken along exp: X_u is the derivative by a turn u = (alpha, beta) that is
+// constant in the bodies, and X_u X_v - X_v X_u is the derivative by (u x v). Here is the symmetric part of X_u X_v, by (s, d):
+// what is a function of the ends is one of s and d as other variables are, q1 ~ s - d/2 and q2 ~ s + d/2.
 #pragma once
 
 #include <Eigen/Core>
 
+#include "numerics/small_matrix.hpp"
 #include "numerics/spatial.hpp"
 
 namespace leastaction {
@@ -34,40 +38,54 @@ Vec3<double> turned(const double* quaternion, const Vec3<double>& a, double sens
 
 class Turning {
 public:
-    using Vector6 = Eigen::Matrix<double, 6, 1>;
-    using Matrix6 = Eigen::Matrix<double, 6, 6>;
+    using Vector = Vec3<double>;
+    using Matrix3 = SmallMatrix<3>;
+    using Matrix6 = SmallMatrix<6>;
 
     explicit Turning(const double* phi);
     const double* phi() const { return &phi_.x; }
 
+    // From R1 to the middle, and from R1 to R2.
+    void turn_half(const double* quaternion, double* out) const;
+    void turn_whole(const double* quaternion, double* out) const;
     // Turns of the end (3) as changes of phi, in place.
     void end_to_phi(double* beta) const;
-    // What rows of z (3 each) turn the middle by, phi held: the impulse of a torque, in the axes of the middle.
+    // What rows of (q1, q2), 3 each, turn the middle by, phi held: the impulse of a torque, in the axes of the middle.
     Vec3<double> torque(const double* start, const double* end) const;
-    // Derivatives of z (rows) by u (columns).
-    const Matrix6& slope() const { return slope_; }
-    // g.X_u X_v z, for weights g: u by rows, v by columns.
-    Matrix6 bend(const Vector6& g) const;
-    Matrix6 chart(const Vector6& g) const;  // the symmetric part of it
-
-    // Of the field Z = X_w z along a turn w: its derivatives X_u Z (rows Z, columns u), and the symmetric part of
-    // g.X_u X_v Z; and the symmetric part of h.X_u X_v z.
-    struct Field {
-        Matrix6 slope, bend, chart;
-    };
-    Field field(const Vector6& w, const Vector6& g, const Vector6& h) const;
+    // These rows as rows of turns of the ends, in place.
+    void turn_rows(double* start, double* end) const;
+    // Derivatives of (theta, nu), rows, by (s, d).
+    Matrix6 slope() const;
+    // Second derivatives of g.theta + h.nu by (s, d).
+    Matrix6 bend(const Vector& g, const Vector& h) const;
 
 private:
-    using Matrix36 = Eigen::Matrix<double, 3, 6>;
+    friend class TurnedField;
+    // The second derivatives by (s, d) of a function of theta and phi with these gradients g and h and these Hessians.
+    Matrix6 along(const Vector& g, const Vector& h, const Matrix3& twice_theta, const Matrix3& phi_theta,
+                  const Matrix3& twice_phi) const;
+    Matrix3 phi_by_d() const;
 
-    // The Hessian by u along exp of g.theta + h.phi + a quadratic form of theta and phi.
-    Matrix6 along(const Eigen::Vector3d& g, const Eigen::Vector3d& h, const Eigen::Matrix3d& mixed,
-                  const Eigen::Matrix3d& own) const;
-
-    Vec3<double> phi_;
+    Vector phi_;
     double c_, c1_, c2_, tau_, tau1_, tau2_;  // with first and second derivatives by x^2
-    Matrix36 xi_, change_;                    // derivatives of theta and of phi by u
-    Matrix6 slope_;
+    double cosine_, sine_;                    // exp(phi/2) is the quaternion (cosine, sine phi)
+};
+
+// The field that (theta, nu) change by along turns (mu, w) of the ends, as a function of the ends itself.
+class TurnedField {
+public:
+    TurnedField(const Turning& turning, const Vec3<double>& mu, const Vec3<double>& w);
+    Vec3<double> theta() const { return xi_; }
+    Vec3<double> nu() const;
+    Turning::Matrix6 slope() const;  // derivatives of it (rows) by (s, d)
+    // Second derivatives by (s, d) of g and h times its parts, and of by_theta.theta + by_nu.nu.
+    Turning::Matrix6 bend(const Vec3<double>& g, const Vec3<double>& h, const Vec3<double>& by_theta,
+                          const Vec3<double>& by_nu) const;
+
+private:
+    const Turning& at_;
+    Vec3<double> s_, d_, xi_, eta_;                          // xi and dphi along (mu, w)
+    Turning::Matrix3 xi_phi_, eta_phi_, nu_theta_, nu_phi_;  // derivatives
 };
 
 // A ball that is prescribed: the rotation vector phi of a step is given, in place of where it ends. By a turn alpha of the
@@ -78,16 +96,15 @@ private:
 // with * the product of turns, a * b = a + b + a x b/2 to second order.
 class GivenTurning {
 public:
-    using Vector6 = Turning::Vector6;
-    using Matrix6 = Turning::Matrix6;
+    using Matrix6 = Eigen::Matrix<double, 6, 6>;
     using Matrix36 = Eigen::Matrix<double, 3, 6>;
 
     explicit GivenTurning(const double* phi) : phi_{phi[0], phi[1], phi[2]} {}
 
-    // Derivatives of z (rows) by (alpha, e), and the second ones, weighted.
-    Matrix6 slope() const;
-    Matrix6 bend(const Vector6& g) const;
-    // Of beta (rows), and the second ones.
+    // As of Turning, with s = (alpha + e)/2 and d = e - alpha.
+    Turning::Matrix6 slope() const;
+    Turning::Matrix6 bend(const Vec3<double>& g, const Vec3<double>& h) const;
+    // Of beta (rows) by (alpha, e), and the second ones, weighted.
     Matrix36 end_slope() const;
     Matrix6 end_bend(const Eigen::Vector3d& g) const;
 
@@ -95,9 +112,12 @@ private:
     Vec3<double> phi_;
 };
 
+// A form of (s, d) as one of the ends, alpha = s - d/2 and beta = s + d/2.
+Turning::Matrix6 by_ends(const Turning::Matrix6& form);
+
 // Turns about one place alone: J^-1 w of a w that is constant in the body, and its derivatives along exp.
-struct TurnedField {
-    explicit TurnedField(const double* w) : w{w[0], w[1], w[2]} {}
+struct TurnedAxis {
+    explicit TurnedAxis(const double* w) : w{w[0], w[1], w[2]} {}
     Vec3<double> w;
     Eigen::Matrix3d slope() const;                         // X_u (J^-1 w), columns u
     Eigen::Matrix3d bend(const Eigen::Vector3d& g) const;  // symmetric part of g.X_u X_v (J^-1 w)

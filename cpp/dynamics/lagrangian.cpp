@@ -222,6 +222,31 @@ void Lagrangian<T>::pair_products(int i)
 }
 
 template <class T>
+void Lagrangian<T>::pair_values(int i, int first, int last, PairDerivatives& out) const
+    requires std::is_same_v<T, Dual<double>>
+{
+    if (out.stride == 0) out.resize(mechanism_);
+    const std::size_t row = i * out.stride;
+    const double *A = &AB_[0][i * 12], *B = A + 6;
+    for (int j = first; j < last; j += lanes) {
+        Wide vv = Wide::Zero(), v_q = Wide::Zero(), q_v = Wide::Zero(), qq = Wide::Zero();
+        for (int c = 0; c < 6; ++c) {
+            const Wide s = Eigen::Map<const Wide>(&S_wide_[0][j + c * stride_]),
+                       w = Eigen::Map<const Wide>(&W_wide_[0][j + c * stride_]);
+            vv += A[c] * s;
+            v_q -= A[c] * w;
+            q_v += B[c] * s;
+            qq -= B[c] * w;
+        }
+        for (int c = 0; c < 3; ++c) qq -= A[c] * Eigen::Map<const Wide>(&G_wide_[0][j + c * stride_]);
+        Eigen::Map<Wide>(&out.vv[row + j]) = vv;
+        Eigen::Map<Wide>(&out.v_q[row + j]) = v_q;
+        Eigen::Map<Wide>(&out.q_v[row + j]) = q_v;
+        Eigen::Map<Wide>(&out.qq[row + j]) = qq;
+    }
+}
+
+template <class T>
 void Lagrangian<T>::add_inertia_slope(int joint, const Inertia<double>& inertia, std::vector<double>& L_q,
                                       std::vector<double>& L_v) const
     requires std::is_same_v<T, double>

@@ -67,6 +67,9 @@ public:
     // direction.
     void hessian()
         requires(!std::is_same_v<T, Lanes>);
+    // After hessian(): the second derivatives themselves by joint i and the joints [first, last), or a few more.
+    void pair_values(int i, int first, int last, PairDerivatives& out) const
+        requires std::is_same_v<T, Dual<double>>;
     std::size_t pairs_stride() const { return stride_; }  // of the planes in `pairs`, before they are made too
 
     // Adds what the gradient changes by where a joint's own body gets more inertia (in the frame of the joint, about its

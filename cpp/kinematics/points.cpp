@@ -1,5 +1,6 @@
 #include "kinematics/points.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "numerics/sincos.hpp"
@@ -131,8 +132,18 @@ void place(const std::vector<int>& list, const T* q, Placement<T>& out) {
     const int n = static_cast<int>(list.size());
     // Those of one configuration side by side; lanes are so by themselves.
     if constexpr (!std::is_same_v<T, Lanes>) {
-        for (int i = 0; i < n; ++i) out.angle[i] = value_of(joints[list[i]].coordinate(q));
-        sincos_all(out.angle.data(), out.sine.data(), out.cosine.data(), n);
+        bool turns = false;  // balls and slides alone do not
+        for (int i = 0; i < n; ++i) {
+            const Joint& joint = joints[list[i]];
+            out.angle[i] = value_of(joint.coordinate(q));
+            turns |= out.angle[i] != 0.0 && (joint.axis <= Axis::rz || joint.axis == Axis::screw);
+        }
+        if (turns) {
+            sincos_all(out.angle.data(), out.sine.data(), out.cosine.data(), n);
+        } else {
+            std::fill_n(out.sine.data(), n, 0.0);
+            std::fill_n(out.cosine.data(), n, 1.0);
+        }
     }
     for (int i = 0; i < n; ++i) {
         const Joint& joint = joints[list[i]];

@@ -84,7 +84,7 @@ class LoopBands:
                 axis.fill_between(t, bands[i], bands[-1 - i], color="C0", alpha=0.2, lw=0.0, label=label)
             axis.plot(t, bands[3], color="C0", label="median")
             axis.set_ylabel(name)
-        axes[0].legend(loc="upper right", ncols=4, fontsize="small")
+        axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, fontsize="small", frameon=False)
         axes[-1].set_xlabel("t (s)")
         return axes[0].figure
 

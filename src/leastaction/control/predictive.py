@@ -26,7 +26,6 @@ from leastaction.optimal.limits.charts import charted
 from leastaction.optimal.limits.cost import LimitedCost
 from leastaction.optimal.limits.limit import FromSecond, Limit, checked_limits
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.limits.sides import Sided
 from leastaction.optimal.optimizer import Optimizer
 from leastaction.optimal.quantity import Entries
 from leastaction.optimal.remembered.extension import needed_by, own_limits
@@ -306,7 +305,7 @@ class MPC:
     def _state_limits(self) -> None:
         """State the limits over the horizon that the model has now."""
         self._rows = [row for limit in self._limits for row in limit.rows(self.model, 1)]
-        self._labels = [row.labels for row in self._rows]
+        self._labels = [label for row in self._rows for label in row.labels]
         self._bounds = _bounds_of_inputs(self._rows, self.horizon, self.system.nu)
         self._charted = charted(self._rows, self.model.charts())
 
@@ -434,13 +433,8 @@ class MPC:
         if self._limited is None or self._program is None or not self._rows:
             return ()
         room = self._limited.asked(self._x, self.u).flat / self._program.scales
-        sides = Sided(room, self._limited.layout)
-        return tuple(
-            label
-            for labels, side in zip(self._labels, sides, strict=True)
-            for label, least in zip(labels, side.min(axis=0).tolist(), strict=True)
-            if least < _ACTIVE
-        )
+        near = self._limited.layout.largest(_ACTIVE - room) > 0.0
+        return tuple(self._labels[i] for i in np.flatnonzero(near).tolist())
 
 
 def _bounds_of_inputs(rows: Sequence[Rows], N: int, nu: int) -> tuple[Array, Array]:

@@ -170,7 +170,12 @@ def test_files_of_earlier_versions(name: str) -> None:
     else:
         assert isinstance(found, la.Trajectory)
         assert found["elbow"].shape == found.t.shape
-    assert load_result(DATA / "format_2_discrete.npz").limits is not None
+    result = load_result(DATA / "format_2_discrete.npz")
+    assert result.limits is not None
+    # What it had in one memory is the state of each part now.
+    assert result.state is not None
+    assert result.state.begun.given is not None
+    np.testing.assert_array_equal(result.state.begun.given.x, [0.3, 0.0])
 
 
 def test_the_older_names_do_the_same(tmp_path: Path) -> None:

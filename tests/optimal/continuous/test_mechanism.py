@@ -25,6 +25,7 @@ from leastaction.optimal import Status, check_derivatives, optimize_continuous
 from leastaction.optimal.continuous import (
     Accuracy,
     ContinuousQuadraticCost,
+    ContinuousSystem,
     DenseTrajectory,
 )
 from leastaction.systems import MechanismSystem
@@ -83,11 +84,20 @@ def test_a_start_moves_along_the_constraints(rng: np.random.Generator, free: lis
         np.testing.assert_allclose(moved, x0 + h * along, atol=30.0 * h**2)
 
 
-class OneByOne(MechanismSystem):
-    """Linearised sample by sample, as any system."""
+class OneByOne(ContinuousSystem):
+    """Another system, linearised sample by sample."""
 
-    def own_linearize(self, x: np.ndarray, u: np.ndarray, t: np.ndarray) -> None:
-        return None
+    def __init__(self, system: ContinuousSystem) -> None:
+        self.system, self.nx, self.nu = system, system.nx, system.nu
+
+    def f(self, x, u, t):
+        return self.system.f(x, u, t)
+
+    def derivatives(self, x, u, t):
+        return self.system.derivatives(x, u, t)
+
+    def curvature(self, x, u, t, z):
+        return self.system.curvature(x, u, t, z)
 
 
 def test_a_linearization_owns_what_its_second_order_needs() -> None:
@@ -100,7 +110,7 @@ def test_a_linearization_owns_what_its_second_order_needs() -> None:
         rng.standard_normal((n, system.nx)),
     )
     expected = system.curvatures(x, u, t, z)
-    whole, single = system.linearize(x, u, t), OneByOne(system.dynamics).linearize(x, u, t)
+    whole, single = system.linearize(x, u, t), OneByOne(system).linearize(x, u, t)
     for array in (x, u, t):
         array[:] = 0.1
     for linearization in (whole, single):

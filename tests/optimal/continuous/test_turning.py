@@ -11,15 +11,27 @@ import sympy as sp
 from derivatives.test_quaternions import FORCES, PIN, WRENCH, tumbling
 from leastaction import Feedback, check_derivatives, simulate
 from leastaction.elements import ExpressionPotential
+from leastaction.errors import ArgumentError
 from leastaction.expressions import time, variable
 from leastaction.limits import Ball, Bound, Equal, Keep, Oriented, Pointing
 from leastaction.mechanics import BodyWrench, Gravity, Mechanism, MidpointVI, ball, free, rx, ry, tx
-from leastaction.optimal import ContinuousQuadraticCost, DenseTrajectory, FinalTime, QuadraticCost, Status, optimize
+from leastaction.optimal import (
+    ContinuousQuadraticCost,
+    DenseTrajectory,
+    FinalTime,
+    Options,
+    Periodic,
+    PiecewisePolynomial,
+    QuadraticCost,
+    Status,
+    optimize,
+)
 from leastaction.optimal.collocation.limits import Points
 from leastaction.optimal.collocation.mesh import MATRIX, RadauMesh
 from leastaction.optimal.collocation.system import CollocationSystem
 from leastaction.optimal.limits.charts import numbered
 from leastaction.optimal.quantity import Samples
+from leastaction.optimal.unknowns.returning import TurnedByNumbers
 from leastaction.systems import MechanismSystem, MidpointSystem
 
 MOMENTS = np.array([0.2, 0.3, 0.4])
@@ -182,8 +194,9 @@ def test_starts_and_ends_may_be_free() -> None:
     assert free_turn.cost < 1e-6
 
 
+@pytest.mark.parametrize("collocate", [True, False])
 @pytest.mark.parametrize("angle", [0.5, 3.0])
-def test_large_turns_take_few_iterations(angle: float) -> None:
+def test_large_turns_take_few_iterations(angle: float, collocate: bool) -> None:
     """A small body at rest, turned about its middle axis: steps of rotations, not of numbers."""
     hull = ball("hull", axes="quaternion", mass=1.0, inertia=(0.01, 0.02, 0.03))
     system = MechanismSystem(Mechanism([hull], [BodyWrench("hull", torque=("a", "b", "c"))]))
@@ -191,7 +204,8 @@ def test_large_turns_take_few_iterations(angle: float) -> None:
     weight = np.r_[np.full(3, 0.01), np.zeros(3)]
     price = {"Q": weight, "R": np.full(3, 0.01), "Q_final": np.full(6, 100.0)}
     cost = ContinuousQuadraticCost(goal, np.zeros(3), **price, space=system)
-    found = optimize(system, cost, initial=(np.eye(7)[0], np.zeros(3)), horizon=(0.0, 2.0))
+    stated = {"initial": (np.eye(7)[0], np.zeros(3)), "horizon": (0.0, 2.0)}
+    found = optimize(system, cost, **stated, options=Options(collocate=collocate))
     assert found.success
     assert found.iterations <= 8
     assert found.cost == pytest.approx(0.001 * angle**2, rel=1e-6)
@@ -265,3 +279,56 @@ def test_a_final_time_takes_few_iterations() -> None:
     # About its third axis, of inertia I: the effort R/2 12 I^2 angle^2 / T^3 and the price have their least sum.
     T = (3.0 * 0.05 * 6.0 * (MOMENTS[2] * angle) ** 2 / 0.1) ** 0.25
     assert found.unknowns["final time"] == pytest.approx(T, rel=0.02)
+
+
+@pytest.mark.parametrize("given", ["weights", "gains"])
+def test_a_projection_of_ones_own_is_by_numbers(given: str) -> None:
+    """On a mesh as by roll-outs: the same minimum, from weights of states or from gains."""
+    system = satellite()
+    K = np.hstack([np.zeros((3, 1)), 2.0 * np.eye(3), np.eye(3)])
+    projection: Any = {"Q": np.ones(7), "R": np.ones(3)}
+    if given == "gains":
+        projection = PiecewisePolynomial.constant(K, 0.0, SECONDS)
+    stated = {"initial": (START, np.zeros(3)), "horizon": (0.0, SECONDS)}
+    cost = turned_over(system)
+    runs = [
+        optimize(system, cost, **stated, options=Options(projection=projection, collocate=collocate))
+        for collocate in (True, False)
+    ]
+    assert all(run.success for run in runs), [run.message for run in runs]
+    assert runs[0].cost == pytest.approx(runs[1].cost, rel=1e-6)
+
+
+def test_a_periodic_motion_may_turn_all_the_way_round() -> None:
+    """A spin that is to be near 2.5 rad/s and return after 2 s: by a full turn, to the other quaternion."""
+    system = satellite()
+    wanted = np.r_[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.5]
+    Q, Q_final = np.r_[np.zeros(3), np.ones(3)], np.r_[np.full(3, 0.01), np.zeros(3)]
+    cost = ContinuousQuadraticCost(wanted, np.zeros(3), Q=Q, R=np.ones(3), Q_final=Q_final, space=system)
+    stated = {"initial": (np.r_[np.eye(7)[0, :6], 3.0], np.zeros(3)), "horizon": (0.0, SECONDS), "free_start": True}
+    found = optimize(system, cost, **stated, limits=[Periodic()])
+    assert found.success, found.message
+    assert np.abs(found.x[:, 4:] - [0.0, 0.0, np.pi]).max() < 1e-6
+    assert np.abs(found.x[-1, :4] + found.x[0, :4]).max() < 1e-8
+    with pytest.raises(ArgumentError, match=r"Periodic.*'hull\.qw' is one of the four numbers of a rotation"):
+        optimize(system, cost, **stated, limits=[Periodic("hull.qw")])
+    with pytest.raises(ArgumentError, match=r"modulo: got 'hull\.qx', a number of a rotation"):
+        optimize(system, cost, **stated, limits=[Periodic(modulo={"hull.qx": 1.0})])
+
+
+def test_a_rotation_that_returns_derives_by_numbers() -> None:
+    rng = np.random.default_rng(2)
+    turned = TurnedByNumbers("xyz", np.array([1, 2, 3, 4, 6, 7, 8, 9]))
+    x, y, nothing = rng.standard_normal((1, 11)), rng.standard_normal((1, 3)), np.empty((1, 0))
+
+    def at(x: np.ndarray) -> Samples:
+        return Samples(np.array([0]), x, nothing, nothing)
+
+    J, H = turned.jacobian(at(x))[0], turned.curvature(at(x), y)[0]
+    for i, place in enumerate(turned.places):
+        h = 1e-3 * np.eye(11)[[place]]
+        by = [turned.values(at(x + s * h))[0] for s in (1, -1, 2, -2)]
+        # Numbers count as the rotation that they are nearest to: along their length nothing changes.
+        assert np.abs((8 * (by[0] - by[1]) - (by[2] - by[3])) / 0.012 - J[:, i]).max() < 1e-7
+        bent = [y[0] @ turned.jacobian(at(x + s * h))[0] for s in (1, -1, 2, -2)]
+        assert np.abs((8 * (bent[0] - bent[1]) - (bent[2] - bent[3])) / 0.012 - H[i]).max() < 1e-6

@@ -118,16 +118,6 @@ def angles_only(m: Compiled, what: str) -> None:
         )
 
 
-def none_prescribed_as_quaternion(m: Compiled, what: str) -> None:
-    """Raise where a rotation that is a quaternion is prescribed, for what takes none."""
-    for rotation in m.tree.rotations:
-        if rotation.variables[0] in m.kinematic:
-            raise ArgumentError(
-                f"{what}: not yet where a rotation that is a quaternion is prescribed, as that of {rotation.name!r}; "
-                f"prescribe joint angles, axes='xyz'; {NOT_YET}"
-            )
-
-
 def inputs_of(m: Compiled, inputs: ArrayLike | None, what: str = "inputs") -> Array:
     """Return inputs (n_inputs,), zero if not given."""
     return np.zeros(m.n_inputs) if inputs is None else as_array(inputs, what, (m.n_inputs,), names=m.inputs)

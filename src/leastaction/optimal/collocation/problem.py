@@ -155,21 +155,16 @@ class MeshGrid(TimeGrid):
 
     # ---- The problem on it ------------------------------------------------------------------------
 
-    def _problem(self) -> DiscreteProblem:
+    def _problem(self, x: Array, u: Array) -> DiscreteProblem:
+        """Return the problem; a projection that was given is one about states and inputs of the discrete system."""
         whole = self.whole
         settings = whole.settings
         cost: Cost = collocation_cost(whole.own.cost, self.mesh, self.system.layout)
         if self.system.space is not None:
             cost = CostInCharts(cost, self.system.space)
         given = whole.own.models.projection
-        if given is not None and self.system.space is not None:
-            raise ArgumentError(
-                f"projection: got one for {type(whole.own.system).__name__}, whose states are no plain vectors, "
-                "expected None on a mesh; collocate=False takes gains by their numbers"
-            )
         if given is not None:
-            on_mesh = projection_on(given, whole.own.system, self.mesh, self.system.layout)
-            settings = settings.changed(projection=on_mesh)
+            settings = settings.changed(projection=projection_on(given, self.system, x, u))
         return DiscreteProblem(
             self.system, cost, settings, list(_rows(self.sides)), whole.free_start,
             whole.gapped, final_time=whole.final_time, grid=self,
@@ -189,17 +184,18 @@ class MeshGrid(TimeGrid):
         ``densities``: of its limits, where these are known. ``before``: where another mesh was worked on. ``reach``:
         the least and largest inputs (nu,) that the pieces of that had at their points.
         """
-        problem = self._problem()
+        nodes = self._nodes(curve, reach)
+        problem = self._problem(*nodes)
         if before is not None:
             problem.parts.work.count_on(before)
-        problem.start(self._nodes(curve, reach))
+        problem.start(nodes)
         if problem.parts.barrier is not None:
             self._carry(problem, problem.parts.barrier, densities)
         return problem
 
     def resume(self, mesh: OnMesh, result: OptimizationResult) -> DiscreteProblem:
         """Return the problem where an earlier run ended."""
-        problem = self._problem()
+        problem = self._problem(mesh.x, mesh.u)
         here, gaps = problem.parts.here, None if result.state is None else result.state.gaps
         here.move(mesh.x, mesh.u, None)
         here.gain, here.value = mesh.gain, problem.parts.plain.cost.value(mesh.x, mesh.u)

@@ -178,7 +178,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
             for _ in range(2):
                 rollout = roll_out(
                     self.system,
-                    Follower(curve, feedback, 0.0),
+                    Follower(curve, feedback, 0.0, self.system.charts()),
                     accuracy=self.accuracy,
                     jumps=self.models.jumps,
                     cost=self.cost,

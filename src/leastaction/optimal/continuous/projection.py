@@ -21,6 +21,7 @@ from leastaction.optimal.continuous.integrate import integrate
 from leastaction.optimal.continuous.own_projection import feedback_of
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
+from leastaction.optimal.space import StateSpace
 from leastaction.optimal.system import second_derivative
 
 
@@ -58,17 +59,20 @@ class Follower:
     """The feedback ``u = u_ref - length C - K (x - x_ref)``.
 
     ``reference``: ``(x_ref, u_ref)``. ``feedback``: ``[K (row by row); C]`` in one vector. ``length``: factor of C.
+    ``space``: where states that are no plain vectors live. Then ``x - x_ref`` is the tangent at x_ref along which x
+    lies, as long as the way to it: the difference of numbers where they are near, and no shorter where they are far.
     """
 
     reference: DenseTrajectory
     feedback: PiecewisePolynomial
     length: float
+    space: StateSpace | None = None
 
     def input(self, x: Array, t: float) -> Array:
         """Return the input at a state and a time."""
         nx, nu = self.reference.nx, self.reference.nu
         ref, law = self.reference.xu.flat(t), self.feedback.flat(t)
-        u: Array = ref[nx:] - law[: nu * nx].reshape(nu, nx) @ (x - ref[:nx])
+        u: Array = ref[nx:] - law[: nu * nx].reshape(nu, nx) @ self._off(x, ref[:nx])
         u -= self.length * law[nu * nx :]
         return u
 
@@ -77,9 +81,14 @@ class Follower:
         nx, nu = self.reference.nx, self.reference.nu
         ref, law = self.reference.xu(t), self.feedback(t)
         K = law[:, : nu * nx].reshape(-1, nu, nx)
-        u: Array = ref[:, nx:] - np.einsum("nij,nj->ni", K, x - ref[:, :nx])
+        u: Array = ref[:, nx:] - np.einsum("nij,nj->ni", K, self._off(x, ref[:, :nx]))
         u -= self.length * law[:, nu * nx :]
         return u
+
+    def _off(self, x: Array, at: Array) -> Array:
+        if self.space is None:
+            return np.asarray(x - at)
+        return np.asarray(np.einsum("...ia,...a->...i", self.space.plus_derivative(at), self.space.difference(x, at)))
 
 
 def roll_out(

@@ -62,7 +62,7 @@ class ContinuousSteps(Steps[ContinuousLinearQuadraticSolution, ContinuousDirecti
     def simulate(self, direction: ContinuousDirection, length: float, bound: float) -> Trial[DenseTrajectory] | Refusal:
         rollout = roll_out(
             self.models.system,
-            Follower(self.here.trajectory, direction.feedback, length),
+            Follower(self.here.trajectory, direction.feedback, length, self.models.system.charts()),
             accuracy=self.models.accuracy,
             jumps=self.models.jumps,
             cost=self.models.cost,

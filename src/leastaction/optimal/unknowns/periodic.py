@@ -17,7 +17,7 @@ from leastaction.optimal.looking_back import BEFORE
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples
 from leastaction.optimal.system import System, returning_entries, returning_name
 from leastaction.optimal.unknowns.extended import Extended
-from leastaction.optimal.unknowns.returning import TurnedBack
+from leastaction.optimal.unknowns.returning import Returning, TurnedBack, TurnedByNumbers
 
 
 @public
@@ -92,6 +92,10 @@ class Periodic(Limit):
         own: System = extended.system
         entries = set(self.entries(own))
         places = np.array([i for i in extended.copied.tolist() if i in entries], dtype=np.intp)
+        turns: tuple[tuple[int, int], ...] = ()
+        if own.by_numbers:
+            returning = Returning.of(own, places.tolist(), str(self))
+            places, turns = returning.numbers, returning.turns
         labels = [returning_name(own, i) for i in places.tolist()]
         names = [label.removesuffix(BEFORE) for label in labels]
         rows = []
@@ -108,12 +112,22 @@ class Periodic(Limit):
                 quantity = _Turning(change, offset[0], np.array([self.modulo[name] for name in some]))
             k, scale = np.array([system.N], dtype=np.intp), np.ones(len(some))
             rows += [Rows(str(self), quantity, sign, offset, k, scale, equal=True) for sign in (1.0, -1.0)]
-        turned = self._turned_back(extended, entries)
-        if turned is not None:
+        back = [self._turned_back(extended, entries), *(self._turned_by_numbers(extended, first) for first, _ in turns)]
+        for turned in back:
+            if turned is None:
+                continue
             k, nothing = np.array([system.N], dtype=np.intp), np.zeros((1, len(turned.names)))
             scale = np.ones(len(turned.names))
             rows += [Rows(str(self), turned, sign, nothing, k, scale, equal=True) for sign in (1.0, -1.0)]
         return rows
+
+    def _turned_by_numbers(self, extended: Extended, first: int) -> TurnedByNumbers:
+        """Return a rotation that returns, where its four numbers count from the first state."""
+        names = [returning_name(extended.system, first + i) for i in range(4)]
+        for what in ("offset", "modulo"):
+            self._refuse_numbers(what, names)
+        copy = extended.layout.at_copies + extended.copied.tolist().index(first)
+        return TurnedByNumbers(names[1:], np.array([*range(first, first + 4), *range(copy, copy + 4)]))
 
     def _turned_back(self, extended: Extended, entries: set[int]) -> TurnedBack | None:
         """Return the rotations that return, by what each is off from the first."""
@@ -121,18 +135,21 @@ class Periodic(Limit):
         chosen = [j for j, first in enumerate(extended.layout.turns[:, 0].tolist()) if first in entries]
         numbers = [returning_name(own, i) for j in chosen for i in range(*_four(extended.layout.turns[j, 0]))]
         for what in ("offset", "modulo"):
-            for name in getattr(self, what):
-                if name in numbers:
-                    raise ArgumentError(
-                        f"{self}: {what}: got {name!r}, a number of a rotation, which returns as it was; expected "
-                        "other entries"
-                    )
+            self._refuse_numbers(what, numbers)
         if not chosen:
             return None
         copies, directions = extended.layout.at_turns, extended.layout.at_copied_moves + len(extended.copied)
         at = np.array([[extended.layout.turns[j, 0], copies + 4 * j] for j in chosen], dtype=np.intp)
         moves = np.array([[extended.layout.turns[j, 1], directions + 3 * j] for j in chosen], dtype=np.intp)
         return TurnedBack([name for i, name in enumerate(numbers) if i % 4], at, moves)
+
+    def _refuse_numbers(self, what: str, numbers: Sequence[str]) -> None:
+        for name in getattr(self, what):
+            if name in numbers:
+                raise ArgumentError(
+                    f"{self}: {what}: got {name!r}, a number of a rotation, which returns as it was; expected other "
+                    "entries"
+                )
 
 
 def _four(first: int) -> tuple[int, int]:

@@ -10,8 +10,9 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics import rotations
 from leastaction.numerics.arrays import Array
+from leastaction.optimal.limits.charts import NumberedQuantity
 from leastaction.optimal.quantity import Instants, Quantity, Samples
-from leastaction.optimal.space import Rotations, StateSpace, Vectors, parts_of
+from leastaction.optimal.space import ProductSpace, Rotations, StateSpace, Vectors, parts_of
 from leastaction.optimal.system import System
 
 
@@ -104,3 +105,36 @@ class TurnedBack(Quantity):
     def _missing(self, at: Samples, i: int) -> Array:
         q, c = (at.x[:, first : first + 4] for first in self.at[i].tolist())
         return rotations.logarithm(rotations.product(rotations.inverse(c), q))
+
+
+class TurnedByNumbers(Quantity):
+    """The rotation that is missing from ``c`` to ``y + c``, by the numbers of y and c: ``log(c^-1 (y + c))``.
+
+    ``names``: three. ``places`` (8,): of y and of c in the state.
+    """
+
+    of_state = by_entries = True
+    kind, unit = "return of", "rad"
+
+    def __init__(self, names: Sequence[str], places: Instants) -> None:
+        self.names, self.places = tuple(names), places
+        both = TurnedBack(names, np.array([[0, 4]]), np.array([[0, 3]]))
+        self._turned = NumberedQuantity(both, ProductSpace(Rotations(), Rotations()))
+        self._moves = np.block([[np.eye(4), np.eye(4)], [np.zeros((4, 4)), np.eye(4)]])
+
+    def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
+        """Return the places of y, then of c."""
+        return self.places
+
+    def values(self, at: Samples) -> Array:
+        return self._turned.values(self._both(at))
+
+    def jacobian(self, at: Samples) -> Array:
+        return np.asarray(self._turned.jacobian(self._both(at)) @ self._moves)
+
+    def curvature(self, at: Samples, y: Array) -> Array:
+        return np.asarray(self._moves.T @ self._turned.curvature(self._both(at), y) @ self._moves)
+
+    def _both(self, at: Samples) -> Samples:
+        """Return the samples with both rotations, y + c and c, for their states."""
+        return at._replace(x=at.x[:, self.places] @ self._moves.T)

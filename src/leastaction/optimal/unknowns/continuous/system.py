@@ -199,12 +199,14 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
         self, h: Array, t: Array, matrix: Array, reference: tuple[Array, Array], K: Array, z: Array, u: Array
     ) -> int | None:
         """Let the system do it, where it does not depend on time: of constants the feedback is known beforehand."""
-        n, constants, kept = self.n_own, z[0, self.n_own : self.nx], self.layout.kept
-        d, space = n, self.system.charts()
-        if self.space is not None and space is not None:
+        n, constants, space = self.n_own, z[0, self.n_own : self.nx], self.system.charts()
+        d, kept = n, self.layout.kept
+        if space is not None:
             d, kept = space.ndx, np.argmax(space.pattern[self.copied], axis=1)
         ndx = d + self.nx - n
-        if (self.time_at is not None and not self.system.autonomous) or K[:, :, ndx:].any():
+        by_other_numbers = space is not None and self.space is None
+        depends = self.time_at is not None and not self.system.autonomous
+        if by_other_numbers or depends or K[:, :, ndx:].any():
             return None
         zbar, ubar = reference
         values = self.values(z[0])

@@ -1,0 +1,90 @@
+// How the middle of a step changes with its ends, where balls turn (turning.hpp).
+//
+// By any other variable q = (q1 + q2)/2 and v = (q2 - q1)/dt. Of a ball that is so of (s, d/dt); what the kernel has by its
+// (theta, theta'), for all pairs of joints, becomes here what it is by (s, d/dt). Then the pairs of balls are those of any
+// joint, but for second derivatives of (theta, nu) by the ends.
+#pragma once
+
+#include <vector>
+
+#include "discrete/turning.hpp"
+#include "dynamics/lagrangian.hpp"
+
+namespace leastaction {
+
+// What a variable of the middle and its rate change by where one starts from, and where it ends.
+struct ByEnds {
+    double q_start, q_end, v_start, v_end;
+};
+
+class TurnedMiddle {
+public:
+    explicit TurnedMiddle(const Mechanism& mechanism);
+
+    // For a step in which the balls turn so.
+    void set(const std::vector<Turning>& turnings, double dt);
+    // The derivatives by (s, d) of the field of a ball, where duals are taken along it (0 before).
+    void set_field(std::size_t ball, const Turning::Matrix6& slope);
+
+    // Pairs of joints, from the kernel's coordinates of balls, in place; of duals their derivatives along the fields,
+    // given the values themselves (which end halfway).
+    void turn(PairDerivatives& pairs) const;
+    void turn(PairDerivatives& pairs, PairDerivatives& values) const;
+    // Makes these values, as far as they are needed.
+    void copy_values(const Lagrangian<Dual<double>>& of, PairDerivatives& values) const;
+
+    // Calls f(k, ByEnds) for every variable k that variable i of the kernel depends on, itself but for balls.
+    template <class F>
+    void each_end(int i, const F& f) const {
+        const int ball = ball_of_[i];
+        if (ball < 0) return f(i, ByEnds{0.5, 0.5, -rate_, rate_});
+        balls_[ball].ends.each(i, f);
+    }
+    // The same of the change of variable i of the field, of balls alone.
+    template <class F>
+    void each_field_end(int i, const F& f) const {
+        if (ball_of_[i] >= 0) balls_[ball_of_[i]].field_ends.each(i, f);
+    }
+    // Calls f(k, start, end) with what a row of weights by variable i and its rate comes to.
+    template <class F>
+    void spread(int i, double by_q, double by_v, const F& f) const {
+        each_end(i, [&](int k, const ByEnds& e) {
+            f(k, by_q * e.q_start + by_v * e.v_start, by_q * e.q_end + by_v * e.v_end);
+        });
+    }
+    int ball_of(int variable) const { return ball_of_[variable]; }  // -1: none
+
+private:
+    using Matrix6 = Turning::Matrix6;
+    // A map from (q, v) of three variables to three new ones, without what it keeps: weights of each old one by the new.
+    struct Change {
+        Eigen::Array4d q_by_q[3], q_by_v[3], v_by_q[3], v_by_v[3];
+        void set(const Matrix6& of, double kept);
+    };
+    struct Ends {
+        int first;
+        Matrix6 by;  // (theta, theta') by the start and the end
+        void set(int variable, const Matrix6& of, double rate);
+        template <class F>
+        void each(int i, const F& f) const {
+            const int row = i - first;
+            for (int k = 0; k < 3; ++k)
+                f(first + k, ByEnds{by(row, k), by(row, 3 + k), by(3 + row, k), by(3 + row, 3 + k)});
+        }
+    };
+    struct TurnedBall {
+        Matrix6 whole, field;  // (theta, theta') by (s, d/dt)
+        Change change, field_change;
+        Ends ends, field_ends;
+    };
+    template <class Row>
+    void each_row_behind(const Ball& ball, const Row& row) const;
+    Matrix6 scaled(const Matrix6& by_middle) const;
+
+    const Mechanism& mechanism_;
+    std::vector<int> ball_of_;
+    std::vector<TurnedBall> balls_;
+    double dt_ = 0, rate_ = 0;
+};
+
+}  // namespace leastaction
