@@ -18,14 +18,13 @@ import numpy as np
 from scipy.optimize import minimize
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics import differences, moved, turned
 from leastaction.models.marionette import REST, axes_of, hang_strings, heading, turns_of_angles
 from leastaction.models.puppet_controls import ends_of
 from leastaction.numerics import Array
 from leastaction.optimal import OptimizationResult, Status
 from leastaction_marionette.markers import LIMB_MARKERS
 from leastaction_marionette.tracking.plan import TrackingPlan
-from leastaction_marionette.turns import body_of, on_the_way, unit
+from leastaction_marionette.turns import body_of, differences, moved, on_the_way, turned, unit
 
 _FIRM = 0.1  # N, by which strings that hold still pull more than they have to
 _BALANCED = 1e-4  # N or N m, to which forces balance
