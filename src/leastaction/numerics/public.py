@@ -60,6 +60,10 @@ def public(it: T) -> T:
     for name, found in list(vars(it).items()):
         if name != "__init__" and (_describes(it) or (name.startswith("_") and name not in _CALLED_BY_USERS)):
             continue
+        if name.startswith("own_") and hasattr(it, name.removeprefix("own_")):
+            # The method without these letters calls it, and is what users call.
+            name = name.removeprefix("own_")
+            found = vars(it).get(name, getattr(it, name))
         bound = type(found) if isinstance(found, (staticmethod, classmethod)) else None
         function = found.__func__ if isinstance(found, (staticmethod, classmethod)) else found
         if inspect.isfunction(function) and not hasattr(function, "__is_public__"):
