@@ -8,7 +8,7 @@ import numpy as np
 
 from leastaction.mechanics import Mechanism
 from leastaction.numerics import Array
-from leastaction.optimal import ProductSpace, Rotations, Vectors
+from leastaction.optimal import ProductSpace, Rotations, StateSpace, Vectors
 
 
 def body_of(mechanism: Mechanism) -> tuple[str, ...]:
@@ -25,7 +25,7 @@ def quaternions_among(names: Sequence[str]) -> list[list[int]]:
 
 def space_of(mechanism: Mechanism) -> ProductSpace:
     """Return how configurations of a mechanism differ and move."""
-    parts = []
+    parts = list[StateSpace]()
     for name in mechanism.coordinates:
         if name.endswith(".qw"):
             parts.append(Rotations())
