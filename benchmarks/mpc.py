@@ -26,7 +26,7 @@ from leastaction.costs import tracking  # noqa: E402
 from leastaction.mechanics import Damping, Gravity, JointForce, Mechanism, MidpointVI, rx, ry, rz, to_velocity, tz  # noqa: E402
 from leastaction.models.cart_pendulum import cart_pendulum  # noqa: E402
 from leastaction.numerics.arrays import Array  # noqa: E402
-from leastaction.optimal import Bound, QuadraticCost  # noqa: E402
+from leastaction.optimal import Bound, QuadraticCost, solve_linear_quadratic  # noqa: E402
 from leastaction.systems import MidpointSystem  # noqa: E402
 
 MOST = np.array([80.0, 80.0, 50.0, 50.0, 20.0, 20.0, 10.0])  # N m, of the arm's motors
@@ -82,7 +82,13 @@ def marionette() -> Task:
     x = np.concatenate([case.x0, np.zeros(m.nc)])
     weights = np.repeat([100.0, 0.01, 0.01, 0.01, 0.0], [m.nd, m.nrho, m.nd, m.nrho, m.nc])
     held = np.concatenate([np.zeros(m.n_inputs), x[m.nd : m.nq]])
-    cost = QuadraticCost(np.tile(x, (21, 1)), np.tile(held, (20, 1)), Q=weights, R=np.full(system.nu, 1.0))
+    # A fifth of a second is short beside how it swings: what comes after has the price of a long horizon.
+    A, B = (np.tile(each, (400, 1, 1)) for each in system.derivatives(x, held, 0))
+    P = solve_linear_quadratic(A, B, Q=weights, R=np.ones(system.nu), Q_final=weights, keep_P=True).P
+    assert P is not None
+    cost = QuadraticCost(
+        np.tile(x, (21, 1)), np.tile(held, (20, 1)), Q=weights, R=np.ones(system.nu), Q_final=0.5 * (P[0] + P[0].T)
+    )
     mpc = MPC(system, cost, [Bound("*", min=0.0, of="tension")])
     chance = np.zeros(system.nx)
     chance[m.nq : m.nq + m.nd] = 1e-5
