@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics import differences
 from leastaction.models.marionette import held_strings, string_lengths
 from leastaction.numerics import Array, Frozen
 from leastaction.viz import BLUE, ORANGE, new_figure, styled
@@ -23,6 +22,7 @@ from leastaction_marionette.tracking.plan import TrackingPlan
 from leastaction_marionette.tracking.poses import PoseSearch
 from leastaction_marionette.tracking.problem import ROOT, TrackingProblem
 from leastaction_marionette.tracking.weights import FORCED, TrackingWeights
+from leastaction_marionette.turns import differences
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,4 +1,4 @@
-"""Quaternions among the columns of a motion, by their names: those of a joint end in .qw, .qx, .qy and .qz."""
+"""Turns of the puppet's ball joints, whose quaternions end in .qw, .qx, .qy and .qz: of poses and motions."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from leastaction.mechanics import Mechanism
 from leastaction.numerics import Array
+from leastaction.optimal import ProductSpace, Rotations, StateSpace, Vectors
 
 
 def body_of(mechanism: Mechanism) -> tuple[str, ...]:
@@ -20,6 +21,43 @@ def quaternions_among(names: Sequence[str]) -> list[list[int]]:
     places = {name: i for i, name in enumerate(names)}
     joints = [name.removesuffix(".qw") for name in names if name.endswith(".qw")]
     return [[places[f"{joint}.q{letter}"] for letter in "wxyz"] for joint in joints]
+
+
+def space_of(mechanism: Mechanism) -> ProductSpace:
+    """Return how configurations of a mechanism differ and move."""
+    parts = list[StateSpace]()
+    for name in mechanism.coordinates:
+        if name.endswith(".qw"):
+            parts.append(Rotations())
+        elif not name.endswith((".qx", ".qy", ".qz")):
+            parts.append(Vectors(1))
+    return ProductSpace(*parts)
+
+
+def differences(mechanism: Mechanism, q: Array, qbar: Array) -> Array:
+    """Return configurations (..., nq) less others, (..., nv): of quaternions the rotation vectors between them."""
+    return space_of(mechanism).difference(q, qbar) if mechanism.tree.rotations else q - qbar
+
+
+def moved(mechanism: Mechanism, q: Array, dq: Array) -> Array:
+    """Return the configurations (..., nq) that are dq (..., nv) from others: what `differences` undoes."""
+    return space_of(mechanism).plus(q, dq) if mechanism.tree.rotations else q + dq
+
+
+def turned(mechanism: Mechanism, dq: Array) -> Array:
+    """Return the derivative (nv, nv) of where `moved` leads by dq (nv,), as a move of the place that it led to."""
+    if not mechanism.tree.rotations:
+        return np.eye(mechanism.nv)
+    space, q = space_of(mechanism), mechanism.configuration()
+    return np.asarray(np.linalg.inv(space.difference_derivative(space.plus(q, dq), q)))
+
+
+def rates_along(mechanism: Mechanism, q: Array, t: Array) -> Array:
+    """Return the velocities (N+1, nv) of a motion q (N+1, nq) at its instants, which follow in equal steps."""
+    if not mechanism.tree.rotations:
+        return np.asarray(np.gradient(q, t, axis=0))
+    steps = differences(mechanism, q[1:], q[:-1]) / (t[1] - t[0])
+    return np.concatenate([steps[:1], 0.5 * (steps[1:] + steps[:-1]), steps[-1:]])
 
 
 def unit(names: Sequence[str], q: Array) -> Array:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from leastaction.io import Motion, read_capture
-from leastaction.mechanics import differences, moved
 from leastaction.models.marionette import REST, hang_strings, heading, marionette, turns_of_angles
 from leastaction.numerics import Array, smooth_rise
 from leastaction.optimal import Status
@@ -30,7 +29,7 @@ from leastaction_marionette.tracking import TrackingSearch, motors, plan
 from leastaction_marionette.tracking.growing import smaller
 from leastaction_marionette.tracking.poses import PoseSearch
 from leastaction_marionette.tracking.problem import TrackingProblem
-from leastaction_marionette.turns import as_vectors, on_the_way
+from leastaction_marionette.turns import as_vectors, differences, moved, on_the_way
 from marionette.puppet_bvh import write_puppet
 
 PUPPET = marionette(strings=9, axes="quaternion")

@@ -28,8 +28,8 @@ from leastaction import (
 )  # fmt: skip
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import expressions as ex
-from leastaction.mechanics import moved
 from leastaction.mechanics.discrete.midpoint import Split
+from leastaction.mechanics.mechanism.turns import moved
 from leastaction.optimal import (
     Bound,
     Parameter,

@@ -97,7 +97,6 @@ if TYPE_CHECKING:
     from leastaction.mechanics.mechanism.queries.masses import Energy
     from leastaction.mechanics.mechanism.queries.moved_points import MovedPoints
     from leastaction.mechanics.mechanism.tape_measure import TapeMeasure
-    from leastaction.mechanics.mechanism.turns import differences, middles, moved, rates_along, turned
     from leastaction.numerics.curve import Curve
 else:
     __getattr__, __dir__ = lazily(
@@ -149,7 +148,6 @@ else:
             "leastaction.mechanics.mechanism.queries.masses": "Energy",
             "leastaction.mechanics.mechanism.queries.moved_points": "MovedPoints",
             "leastaction.mechanics.mechanism.tape_measure": "TapeMeasure",
-            "leastaction.mechanics.mechanism.turns": "differences middles moved rates_along turned",
             "leastaction.numerics.curve": "Curve",
         },
     )
@@ -168,9 +166,9 @@ __all__ = [
     "PythonPotential", "Sensitivity", "Servo", "SimulationStatus", "SpatialWrench", "Stability", "State", "Step",
     "StepDerivatives", "StepSensitivity", "StepTensors", "TapeMeasure", "TendonForce", "TorsionalSpring",
     "Trajectory", "VelocityProjection", "Wrench", "ball", "check_consistent", "check_function",
-    "configuration_by", "differences", "equilibrium",
-    "find_contradiction", "free", "gain_to_continuous", "gain_to_discrete", "legendre_jacobian", "middles",
-    "momentum_by", "moved", "pose", "prismatic", "project_configuration", "project_velocity", "rates_along", "revolute",
-    "rx", "ry", "rz", "screw", "simulate", "to_continuous", "to_discrete", "to_momentum", "to_velocity", "turned",
+    "configuration_by", "equilibrium",
+    "find_contradiction", "free", "gain_to_continuous", "gain_to_discrete", "legendre_jacobian",
+    "momentum_by", "pose", "prismatic", "project_configuration", "project_velocity", "revolute",
+    "rx", "ry", "rz", "screw", "simulate", "to_continuous", "to_discrete", "to_momentum", "to_velocity",
     "twist", "tx", "ty", "tz", "universal", "var", "world",
 ]  # fmt: skip

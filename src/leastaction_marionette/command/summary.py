@@ -7,7 +7,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from leastaction.mechanics import differences
 from leastaction.models.marionette import bars_of
 from leastaction.numerics import Array
 from leastaction.optimal import Status
@@ -17,6 +16,7 @@ from leastaction_marionette.markers import MARKERS
 from leastaction_marionette.scene import by_parts, own_string_lengths
 from leastaction_marionette.tracking import Effort, PuppetLimits, TrackingRun
 from leastaction_marionette.tracking.limits import pelvis_of
+from leastaction_marionette.turns import differences
 
 _FAR: Final = 5.0  # degrees (rms), from which a joint is said not to be followed
 _KINDS: Final = {

@@ -201,7 +201,7 @@ def _control(mechanism: Mechanism) -> str:
     return hanging if isinstance(hanging, str) else ""
 
 
-def _mechanism(strings: int, numbers: Mapping[str, float], control: str, axes: Axes) -> Mechanism:
+def _mechanism(strings: int, numbers: Mapping[str, float], control: str = "", axes: Axes = "zyx") -> Mechanism:
     known: tuple[Hanging, ...] = tuple(CONTROLS) if control else tuple(STRING_SETS)
     hanging = next((each for each in known if each == (control or strings)), None)
     if hanging is None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError
 from leastaction.io import Motion, Provenance
-from leastaction.mechanics import Mechanism, Trajectory, differences
+from leastaction.mechanics import Mechanism, Trajectory
 from leastaction.numerics import Array
 from leastaction.optimal import OptimizationResult, Status
 from leastaction.viz import TrackingErrors, tracking_errors
@@ -18,7 +18,7 @@ from leastaction_marionette.choices import Follow
 from leastaction_marionette.markers import places_of, with_places
 from leastaction_marionette.tracking.limits import PuppetLimits
 from leastaction_marionette.tracking.problem import ROOT, unheld
-from leastaction_marionette.turns import body_of
+from leastaction_marionette.turns import body_of, differences
 
 CUT_SHORT: Final = (Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK)
 """How a run ends that somebody ended."""

@@ -19,7 +19,7 @@ from scipy.optimize import lsq_linear
 
 from leastaction.errors import ArgumentError, LeastActionError, StepError
 from leastaction.io import Motion
-from leastaction.mechanics import JointForce, MidpointVI, rates_along, to_momentum
+from leastaction.mechanics import JointForce, MidpointVI, to_momentum
 from leastaction.models.marionette import (
     axes_of,
     held_strings,
@@ -37,7 +37,7 @@ from leastaction_marionette.tracking.limits import FIRST_KINDS, PuppetLimits
 from leastaction_marionette.tracking.problem import TrackingProblem, levers, unheld
 from leastaction_marionette.tracking.ties import Ties
 from leastaction_marionette.tracking.weights import TrackingWeights
-from leastaction_marionette.turns import unit
+from leastaction_marionette.turns import rates_along, unit
 
 _OFF = 0.02  # of the mean tension at rest, by which tensions keep off their least
 _ROUNDING = 1e-9  # of limits of tensions

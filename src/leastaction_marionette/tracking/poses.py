@@ -9,22 +9,22 @@ weights.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics import differences, moved, turned
 from leastaction.models.marionette import REST, axes_of, hang_strings, heading, turns_of_angles
 from leastaction.models.puppet_controls import ends_of
 from leastaction.numerics import Array
 from leastaction.optimal import OptimizationResult, Status
 from leastaction_marionette.markers import LIMB_MARKERS
 from leastaction_marionette.tracking.plan import TrackingPlan
-from leastaction_marionette.turns import body_of, on_the_way, unit
+from leastaction_marionette.turns import body_of, differences, moved, on_the_way, turned, unit
 
 _FIRM = 0.1  # N, by which strings that hold still pull more than they have to
 _BALANCED = 1e-4  # N or N m, to which forces balance
@@ -69,8 +69,10 @@ class PoseSearch:
         whole = self.plan.problem.mechanism
         q = self._of(self.plan.problem.reference, k)
         place = dict(zip(whole.coordinates[:3], q[:3], strict=True))
-        rest = REST | place | {"torso_rz": float(heading(whole, q))}
-        body = whole.configuration(rest if axes_of(whole) == "zyx" else turns_of_angles(rest))[: whole.first_rho]
+        rest: Mapping[str, Any] = {**REST, **place, "torso_rz": float(heading(whole, q))}
+        if axes_of(whole) == "quaternion":
+            rest = turns_of_angles(rest)
+        body = whole.configuration(rest)[: whole.first_rho]
         q[: whole.first_rho] = on_the_way(body_of(whole), q[: whole.first_rho], body[None], share)[0]
         return np.concatenate([hang_strings(whole, q)[self.columns], self.plan.tension])
 
@@ -154,7 +156,7 @@ class PoseSearch:
         def by_z(z: Array, slopes: Array) -> Array:
             """Return derivatives by z of those by moves of the pose."""
             turning[: m.nv, : m.nv] = turned(m, z[: m.nv] / scale[: m.nv])
-            return slopes @ turning / scale
+            return np.asarray(slopes @ turning / scale)
 
         def cost(z: Array) -> tuple[float, Array]:
             value, slope = self.markers_off(pose_of(z), k)

@@ -8,7 +8,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, closest
 from leastaction.io import Motion
-from leastaction.mechanics import Mechanism, MidpointVI, differences, rates_along, to_momentum
+from leastaction.mechanics import Mechanism, MidpointVI, to_momentum
 from leastaction.models.marionette import (
     PLANE_HEIGHT,
     STRINGS,
@@ -29,7 +29,7 @@ from leastaction_marionette.markers import LIMB_MARKERS, places_of, wanted_marke
 from leastaction_marionette.tracking.cost import TrackingCost
 from leastaction_marionette.tracking.limits import pelvis_of
 from leastaction_marionette.tracking.weights import TrackingWeights
-from leastaction_marionette.turns import body_of, unit
+from leastaction_marionette.turns import body_of, differences, rates_along, unit
 
 ROOT = ("torso_tx", "torso_ty", "torso_tz")
 MOST_STEPS = 100_000
