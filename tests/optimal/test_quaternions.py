@@ -201,3 +201,23 @@ def test_places_of_frames_are_followed() -> None:
     found = follow(m, {"tip": places}, {"tip": 100.0}, t=t, start=vi.start(q))
     assert found.result.success, found.result.message
     assert found.errors["tip"] < 0.02
+
+
+def test_a_curve_whose_step_turns_past_half_a_turn_is_left_where_it_has_no_derivatives():
+    top = ball("top", mass=1.0, com=(0.0, 0.0, -0.15), inertia=(8e-3, 8e-3, 1e-3))
+    m = Mechanism([top], [Gravity(), *[JointForce(f"top.w{a}", a) for a in "xyz"]])
+    system = MidpointSystem(MidpointVI(m), np.linspace(0.0, 0.2, 11))
+    rest = system.integrator.start(m.configuration()).x
+    x, u = np.tile(rest, (11, 1)), np.zeros((10, 3))
+    x[5, 6] = 0.18  # spins about its axis, by 3.6 rad a step
+    spun = system.step_each(x, u)
+    assert spun.complete
+    assert x[5, :4] @ spun.x[5, :4] < 0.0
+    assert np.isfinite(system.linearize_each(x, u, spun.x).A).all()
+    x[5, 4:] = 0.35, 0.82, 0.33
+    made = system.step_each(x, u)
+    assert made.steps_done == len(made.x) == 5
+    assert made.failure == "step 5 at t = 0.1 s turns by more than half a turn and has no derivatives"
+    cost = QuadraticCost(rest, np.zeros(3), Q=np.full(6, 0.1), R=np.ones(3), Q_final=np.ones(6), space=system)
+    found = optimize(system, cost, initial=(x, u), shooting="multiple")
+    assert found.status is Status.CONVERGED

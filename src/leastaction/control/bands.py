@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,8 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_count, read_only
 from leastaction.numerics.extras import extra
 from leastaction.numerics.public import public
+
+_DEPTHS = {"all": 0.2, "90 %": 0.4, "50 %": 0.6}  # share of the colour in each band, of how many runs
 
 LoopRun = Callable[[np.random.Generator], ClosedLoop]
 """One run of a loop, in which whatever is drawn is drawn from the generator given."""
@@ -33,6 +35,8 @@ class LoopBands:
     failures : tuple of (int, str)
         Which runs ended early, and why.
     state_names, input_names : tuple of str
+    units : mapping of str to str
+        Of states and inputs by their names, where they are known.
     """
 
     t: Array
@@ -41,6 +45,7 @@ class LoopBands:
     failures: tuple[tuple[int, str], ...]
     state_names: tuple[str, ...]
     input_names: tuple[str, ...]
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Array:
         """Return an entry of the state, or an input, of all runs over time (B, N+1) or (B, N)."""
@@ -74,16 +79,18 @@ class LoopBands:
         """
         chosen = list(names)
         plt = extra("matplotlib.pyplot", of="viz", why="LoopBands.plot")
+        colors = extra("matplotlib.colors", of="viz", why="LoopBands.plot")
         if axes is None:
             _, axes = plt.subplots(len(chosen), 1, sharex=True, squeeze=False, layout="constrained")
             axes = axes[:, 0]
         for axis, name in zip(axes, chosen, strict=True):
             bands = self.quantiles(name, (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0))
             t = self.t[: bands.shape[1]]
-            for i, label in enumerate(("all", "90 %", "50 %")):
-                axis.fill_between(t, bands[i], bands[-1 - i], color="C0", alpha=0.2, lw=0.0, label=label)
+            for i, (label, depth) in enumerate(_DEPTHS.items()):
+                tint = [1.0 - depth * (1.0 - part) for part in colors.to_rgb("C0")]
+                axis.fill_between(t, bands[i], bands[-1 - i], color=tint, lw=0.0, label=label)
             axis.plot(t, bands[3], color="C0", label="median")
-            axis.set_ylabel(name)
+            axis.set_ylabel(f"{name} ({self.units[name]})" if name in self.units else name)
         axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, fontsize="small", frameon=False)
         axes[-1].set_xlabel("t (s)")
         return axes[0].figure
@@ -145,4 +152,5 @@ def monte_carlo(
             raise ArgumentError(f"run {i}: got states {one.state_names}, expected those of the others")
         x[i, : len(one.x)], u[i, : len(one.u)] = one.x, one.u
     failures = tuple((i, one.failure) for i, one in enumerate(found) if one.failure is not None)
-    return LoopBands(longest.t, read_only(x), read_only(u), failures, longest.state_names, longest.input_names)
+    named = longest.state_names, longest.input_names, longest.units
+    return LoopBands(longest.t, read_only(x), read_only(u), failures, *named)

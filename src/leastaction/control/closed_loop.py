@@ -8,8 +8,8 @@ moves the plant.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, read_only
 from leastaction.numerics.public import public
 from leastaction.numerics.signals import StateLaw, takes_state
+from leastaction.optimal.system import System
 
 Disturbance = Spread | Callable[[float, Array], ArrayLike] | None
 """What moves the state at the end of each step: standard deviations as of noise, or a function of time and state."""
@@ -54,6 +55,8 @@ class ClosedLoop:
     state_names, input_names : tuple of str
     failure : str or None
         Why the loop ended early.
+    units : mapping of str to str
+        Of states and inputs by their names, where they are known.
     """
 
     t: Array
@@ -66,6 +69,7 @@ class ClosedLoop:
     state_names: tuple[str, ...]
     input_names: tuple[str, ...]
     failure: str | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Array:
         """Return an entry of the state, or an input, over time by its name."""
@@ -221,7 +225,14 @@ def close_loop(
         names,
         stood.system.input_names,
         failure,
+        _units_of(stood.system),
     )
+
+
+def _units_of(system: System) -> dict[str, str]:
+    """Return the units of states and inputs by their names, where they are known."""
+    names, units = (*system.state_names, *system.input_names), (*system.state_units, *system.input_units)
+    return {name: unit for name, unit in zip(names, units, strict=True) if unit}
 
 
 def _asked(controller: Any) -> Callable[[float, Array], Any]:

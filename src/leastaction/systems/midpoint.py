@@ -16,6 +16,7 @@ from leastaction.errors import (
     EnergyBalanceWarning,
     InconsistentStartError,
     ProjectionError,
+    StepError,
 )
 from leastaction.mechanics.configuration.assembly import check_consistent, project_configuration
 from leastaction.mechanics.configuration.null_space import NullSpace
@@ -28,7 +29,7 @@ from leastaction.mechanics.discrete.step_sensitivity import StepSensitivity, by_
 from leastaction.mechanics.discrete.trajectory import State, Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.units import input_units, multiplier_units, state_units
-from leastaction.mechanics.mechanism.turns import differences
+from leastaction.mechanics.mechanism.turns import differences, turn_past_half
 from leastaction.numerics.arrays import Array, as_number, as_times, require_instance
 from leastaction.numerics.dataset import Dataset
 from leastaction.numerics.frozen import changed, made, restore_state, saved_state
@@ -413,10 +414,18 @@ class MidpointSystem(DiscreteSystem):
         m = self.mechanism
         out = self.integrator.core.step_each(self.t, self._bare(x), u, self.integrator.threads, self.first_share)
         worst = quality_of(m, out, self.t)
-        failure = None if out.steps == self.N else self._failure(out.status, worst, out.steps)
+        done = out.steps
+        failure = None if done == self.N else self._failure(out.status, worst, done)
+        if failure is None and turn_past_half(m, x[:done], out.x):
+            # States say how far a rotation turns up to half a turn; what is beyond may not be found from them again.
+            try:
+                self.linearize_each(x, u, out.x)
+            except StepError as error:
+                done = self.instant(error.t, "t")
+                failure = f"{self.when(done)} turns by more than half a turn and has no derivatives"
         ends = np.hstack([out.x, out.lam]) if self.multipliers else out.x
         at = None if out.worst.k < 0 else out.worst.k
-        return Rollout(ends[: out.steps], u[: out.steps], out.steps, failure, worst, at)
+        return Rollout(ends[:done], u[:done], done, failure, worst, at)
 
     def own_linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization | None:
         if type(self).derivatives is not MidpointSystem.derivatives:

@@ -45,6 +45,10 @@ def roll_out(system: DiscreteSystem, *, parameters: Sequence[str] = ()) -> Calla
         ``states(x0, u, values)``, values (P,), which may be differentiated once, by all three. Numbers are as precise
         as JAX is told to be: ``jax.config.update("jax_enable_x64", True)`` for all digits.
 
+        A rotation has four numbers and three directions. Those of x0 may have any length, which is without effect on
+        the motion, and so the derivative by these four numbers: what of it is along them is zero, the rest is by
+        rotations alone. The next quaternions have length one, and their changes are normal to them.
+
     Raises
     ------
     ArgumentError
@@ -179,8 +183,8 @@ def _roll_out_by(system: DiscreteSystem, names: tuple[str, ...]) -> Callable[...
         return (BatchedSystem(with_values(system, names, values)).states(x0, u),)
 
     def steps_by(x: Any, u: Any, values: Any) -> tuple[Any]:
-        at, x, u = with_values(system, names, values), np.array(x, dtype=float), np.array(u, dtype=float)
-        return (np.concatenate([BatchedSystem(at).slopes(x, u), at.differentiate_by(x, u, names)], axis=2),)
+        at = BatchedSystem(with_values(system, names, values))
+        return (np.concatenate([at.slopes(x, u), at.by_parameters(x, u, names)], axis=2),)
 
     @jax.custom_jvp  # type: ignore[untyped-decorator]
     def states(x0: Any, u: Any, values: Any) -> Any:

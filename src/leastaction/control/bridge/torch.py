@@ -24,7 +24,8 @@ def roll_out(system: DiscreteSystem) -> Callable[[Any, Any], Any]:
     -------
     callable
         ``states(x0, u) -> (..., N+1, nx)`` of tensors x0 (..., nx) and u (..., N, nu), whose axes in front are a batch.
-        Its gradient is one backward sweep of the adjoint; results have the type of u.
+        Its gradient is one backward sweep of the adjoint; results have the type of u. The quaternion of a rotation may
+        have any length in x0, which is without effect on the motion: the gradient is normal to it.
 
     Raises
     ------
