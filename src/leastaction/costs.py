@@ -17,7 +17,14 @@ from leastaction.optimal import (
     RateGradient,
     RateHessian,
 )
-from leastaction.systems import OrientationCost, PlaceCost, SmoothCost, tracking
+from leastaction.systems import (
+    ContinuousOrientationCost,
+    ContinuousPlaceCost,
+    OrientationCost,
+    PlaceCost,
+    SmoothCost,
+    tracking,
+)
 
 __all__ = [  # noqa: RUF022 - by topics
     # In both kinds of time
@@ -25,7 +32,7 @@ __all__ = [  # noqa: RUF022 - by topics
     # In discrete time
     "CostSum", "FunctionCost", "GaussNewton", "OrientationCost", "PlaceCost", "QuadraticCost", "RateCost", "SmoothCost",
     # In continuous time
-    "ContinuousCostSum", "ContinuousQuadraticCost",
+    "ContinuousCostSum", "ContinuousOrientationCost", "ContinuousPlaceCost", "ContinuousQuadraticCost",
     # Of one's own
     "ContinuousCost", "Cost", "CostGradient", "CostHessian", "RateGradient", "RateHessian",
 ]  # fmt: skip

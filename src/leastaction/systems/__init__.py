@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from leastaction.systems.checks import check_derivatives
     from leastaction.systems.continuous import MechanismSystem
     from leastaction.systems.costs.configurations import CostOfConfigurations
+    from leastaction.systems.costs.frames import ContinuousOrientationCost, ContinuousPlaceCost
     from leastaction.systems.costs.orientations import OrientationCost
     from leastaction.systems.costs.places import PlaceCost
     from leastaction.systems.costs.smooth import CostOfAccelerations, SmoothCost
@@ -33,6 +34,7 @@ else:
             "leastaction.systems.checks": "check_derivatives",
             "leastaction.systems.continuous": "MechanismSystem",
             "leastaction.systems.costs.configurations": "CostOfConfigurations",
+            "leastaction.systems.costs.frames": "ContinuousOrientationCost ContinuousPlaceCost",
             "leastaction.systems.costs.orientations": "OrientationCost",
             "leastaction.systems.costs.places": "PlaceCost",
             "leastaction.systems.costs.smooth": "CostOfAccelerations SmoothCost",
@@ -53,8 +55,8 @@ else:
     )
 
 __all__ = [
-    "Ball", "Box", "CostOfAccelerations", "CostOfConfigurations", "Followed", "HalfSpace", "Keep", "MechanismSystem",
-    "MidpointSystem", "OrientationCost", "Oriented", "PathBound", "PlaceCost", "Played", "Pointing", "PulledSystem",
-    "Region", "Rig", "SmoothCost", "by_tensions", "check_derivatives", "embed", "follow", "relax", "tracking",
-    "warm_start",
+    "Ball", "Box", "ContinuousOrientationCost", "ContinuousPlaceCost", "CostOfAccelerations", "CostOfConfigurations",
+    "Followed", "HalfSpace", "Keep", "MechanismSystem", "MidpointSystem", "OrientationCost", "Oriented",
+    "PathBound", "PlaceCost", "Played", "Pointing", "PulledSystem", "Region", "Rig", "SmoothCost", "by_tensions",
+    "check_derivatives", "embed", "follow", "relax", "tracking", "warm_start",
 ]  # fmt: skip

@@ -56,6 +56,20 @@ def calls() -> dict[str, Call]:
         ),
         "CostSum": (costs.CostSum, {"costs": [line_price(), line_price()]}),
         "ContinuousCostSum": (costs.ContinuousCostSum, {"costs": [flow_price(), flow_price()]}),
+        "ContinuousPlaceCost": (
+            costs.ContinuousPlaceCost,
+            {
+                "system": la.MechanismSystem(steps().mechanism), "places": {"B": [0.0, 0.0, 0.0]},
+                "weights": {"B": 1.0},
+            },
+        ),
+        "ContinuousOrientationCost": (
+            costs.ContinuousOrientationCost,
+            {
+                "system": la.MechanismSystem(steps().mechanism), "orientations": {"B": np.eye(3)},
+                "weights": {"B": 1.0},
+            },
+        ),
         "GaussNewton": (
             lambda **given: la.optimize(
                 line(), costs.GaussNewton(**given), initial=([0.5, 0.0], np.zeros((5, 1))), max_iterations=1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,42 @@ from leastaction.optimal.discrete.cost import Cost
 from leastaction.systems.costs.configurations import CostOfConfigurations
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.orientations import MissingTurn, Orientation, TurnedFrame, quaternions_of
+
+
+class PricedTurns:
+    """Half the weighted squares of the rotations by which frames miss wanted orientations, at n configurations.
+
+    ``turns``: what is missing, and its weights (3,). Derivatives are by the ``nv`` directions of configurations.
+    """
+
+    def __init__(self, turns: Sequence[tuple[MissingTurn, Array]], nv: int) -> None:
+        self.turns, self.nv = tuple(turns), nv
+
+    def prices(self, q: Array, rows: slice = slice(None)) -> Array:
+        """Return them (n,); ``rows``: which of the instants configurations are of."""
+        total = np.zeros(len(q))
+        for turn, weight in self.turns:
+            total += 0.5 * turn.values(q, rows) ** 2 @ weight
+        return total
+
+    def slopes(self, q: Array) -> Array:
+        """Return their derivatives (n, nv)."""
+        total = np.zeros((len(q), self.nv))
+        for turn, weight in self.turns:
+            e = turn.values(q)
+            total += np.einsum("na,nai->ni", weight * e, turn.jacobian(q, e))
+        return total
+
+    def bends(self, q: Array, *, exact: bool) -> Array:
+        """Return their second derivatives (n, nv, nv), or Gauss and Newton's, where they need not be ``exact``."""
+        total = np.zeros((len(q), self.nv, self.nv))
+        for turn, weight in self.turns:
+            e = turn.values(q)
+            J = turn.jacobian(q, e)
+            total += J.transpose(0, 2, 1) @ (weight[:, None] * J)
+            if exact:
+                total += turn.bent(q, e, weight * e)
+        return total
 
 
 @public
@@ -77,32 +113,18 @@ class OrientationCost(CostOfConfigurations):
         }
         return other
 
-    def _turns(self) -> list[tuple[MissingTurn, Array]]:
+    def _turns(self) -> PricedTurns:
         m = self.system.mechanism
-        return [
-            (MissingTurn(TurnedFrame(m, name), wanted), self._weights[name]) for name, wanted in self._wanted.items()
-        ]
+        return PricedTurns(
+            [(MissingTurn(TurnedFrame(m, name), wanted), self._weights[name]) for name, wanted in self._wanted.items()],
+            m.nv,
+        )
 
     def _prices(self, q: Array, start: int) -> Array:
-        rows = slice(start, start + len(q))
-        total = np.zeros(len(q))
-        for turn, weight in self._turns():
-            total += 0.5 * turn.values(q, rows) ** 2 @ weight
-        return total
+        return self._turns().prices(q, slice(start, start + len(q)))
 
     def _slopes(self, q: Array) -> Array:
-        total = np.zeros((len(q), self._nv))
-        for turn, weight in self._turns():
-            e = turn.values(q)
-            total += np.einsum("na,nai->ni", weight * e, turn.jacobian(q, e))
-        return total
+        return self._turns().slopes(q)
 
     def _bends(self, q: Array, *, exact: bool) -> Array:
-        total = np.zeros((len(q), self._nv, self._nv))
-        for turn, weight in self._turns():
-            e = turn.values(q)
-            J = turn.jacobian(q, e)
-            total += J.transpose(0, 2, 1) @ (weight[:, None] * J)
-            if exact:
-                total += turn.bent(q, e, weight * e)
-        return total
+        return self._turns().bends(q, exact=exact)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,39 @@ from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.systems.costs.configurations import CostOfConfigurations
 from leastaction.systems.midpoint import MidpointSystem
+
+
+@dataclass(frozen=True, eq=False)
+class PricedPlaces:
+    """Half the weighted squares of the distances of P points from wanted places, at n configurations.
+
+    ``wanted``, ``weights`` (n, P, 3). Derivatives are by the nv directions of configurations.
+    """
+
+    points: MovedPoints
+    wanted: Array
+    weights: Array
+
+    def prices(self, q: Array) -> Array:
+        """Return them (n,)."""
+        return np.asarray(0.5 * np.sum(self.weights * (self.points.places(q) - self.wanted) ** 2, axis=(1, 2)))
+
+    def slopes(self, q: Array) -> Array:
+        """Return their derivatives (n, nv)."""
+        return np.asarray(self.points.slopes(q, range(self.wanted.shape[1]), self._pulls(q)).sum(axis=1))
+
+    def bends(self, q: Array, *, exact: bool) -> Array:
+        """Return their second derivatives (n, nv, nv), or Gauss and Newton's, where they need not be ``exact``."""
+        jacobian = self.points.jacobian(q)
+        J = jacobian.reshape(len(q), -1, jacobian.shape[-1])
+        total = J.swapaxes(1, 2) @ (self.weights.reshape(len(q), -1, 1) * J)
+        if exact:
+            total += self.points.bent(q, self._pulls(q))
+        return np.asarray(total)
+
+    def _pulls(self, q: Array) -> Array:
+        """Return the derivatives by the places (n, P, 3)."""
+        return self.weights * (self.points.places(q) - self.wanted)
 
 
 @public
@@ -68,25 +102,15 @@ class PlaceCost(CostOfConfigurations):
         other._wanted, other._weights = self._wanted[start : stop + 1], self._weights[start : stop + 1]
         return other
 
-    @property
-    def _points(self) -> MovedPoints:
-        return MovedPoints.of(self.system.mechanism, self._frames)
-
     def _prices(self, q: Array, start: int) -> Array:
-        rows = slice(start, start + len(q))
-        away = self._points.places(q) - self._wanted[rows]
-        return np.asarray(0.5 * np.sum(self._weights[rows] * away**2, axis=(1, 2)))
+        return self._priced(slice(start, start + len(q))).prices(q)
 
     def _slopes(self, q: Array) -> Array:
-        return np.asarray(self._points.slopes(q, range(len(self._frames)), self._pulls(q)).sum(axis=1))
+        return self._priced(slice(None)).slopes(q)
 
     def _bends(self, q: Array, *, exact: bool) -> Array:
-        J = self._points.jacobian(q).reshape(len(q), -1, self._nv)
-        total = J.swapaxes(1, 2) @ (self._weights.reshape(len(q), -1, 1) * J)
-        if exact:
-            total += self._points.bent(q, self._pulls(q))
-        return np.asarray(total)
+        return self._priced(slice(None)).bends(q, exact=exact)
 
-    def _pulls(self, q: Array) -> Array:
-        """Return the derivatives by the places along a whole motion (N+1, P, 3)."""
-        return self._weights * (self._points.places(q) - self._wanted)
+    def _priced(self, rows: slice) -> PricedPlaces:
+        points = MovedPoints.of(self.system.mechanism, self._frames)
+        return PricedPlaces(points, self._wanted[rows], self._weights[rows])
