@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from leastaction.optimal import (
     ContinuousCost,
+    ContinuousCostSum,
     ContinuousQuadraticCost,
     Cost,
     CostGradient,
@@ -19,11 +20,12 @@ from leastaction.optimal import (
 from leastaction.systems import OrientationCost, PlaceCost, SmoothCost, tracking
 
 __all__ = [  # noqa: RUF022 - by topics
+    # In both kinds of time
+    "tracking",
     # In discrete time
     "CostSum", "FunctionCost", "GaussNewton", "OrientationCost", "PlaceCost", "QuadraticCost", "RateCost", "SmoothCost",
-    "tracking",
     # In continuous time
-    "ContinuousQuadraticCost",
+    "ContinuousCostSum", "ContinuousQuadraticCost",
     # Of one's own
     "ContinuousCost", "Cost", "CostGradient", "CostHessian", "RateGradient", "RateHessian",
 ]  # fmt: skip

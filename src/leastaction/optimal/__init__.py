@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from leastaction.optimal.continuous import (
         Accuracy,
         ContinuousCost,
+        ContinuousCostSum,
         ContinuousLinearQuadraticSolution,
         ContinuousOptimizationResult,
         ContinuousProjection,
@@ -76,10 +77,11 @@ else:
             "leastaction.optimal.checks": "DerivativeReport check_derivatives",
             "leastaction.optimal.checks.descent": "CostAlong cost_along",
             "leastaction.optimal.continuous": (
-                "Accuracy ContinuousCost ContinuousLinearQuadraticSolution ContinuousOptimizationResult "
-                "ContinuousProjection ContinuousQuadraticCost ContinuousRollout ContinuousSystem DenseTrajectory "
-                "FunctionContinuousSystem LinearContinuousSystem PiecewisePolynomial RateGradient RateHessian "
-                "regulate_continuous solve_continuous_linear_quadratic steady_state_regulator"
+                "Accuracy ContinuousCost ContinuousCostSum ContinuousLinearQuadraticSolution "
+                "ContinuousOptimizationResult ContinuousProjection ContinuousQuadraticCost ContinuousRollout "
+                "ContinuousSystem DenseTrajectory FunctionContinuousSystem LinearContinuousSystem "
+                "PiecewisePolynomial RateGradient RateHessian regulate_continuous "
+                "solve_continuous_linear_quadratic steady_state_regulator"
             ),
             "leastaction.optimal.discrete.controllability": "Controllability ControllabilityWindow controllability",
             "leastaction.optimal.discrete.cost": "AddedCost Cost CostGradient QuadraticCost WindowCost",
@@ -118,8 +120,9 @@ else:
     )
 
 __all__ = [
-    "Accuracy", "AddedCost", "Bound", "Callback", "ContinuousCost", "ContinuousLinearQuadraticSolution",
-    "ContinuousOptimizationResult", "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout",
+    "Accuracy", "AddedCost", "Bound", "Callback", "ContinuousCost", "ContinuousCostSum",
+    "ContinuousLinearQuadraticSolution", "ContinuousOptimizationResult", "ContinuousProjection",
+    "ContinuousQuadraticCost", "ContinuousRollout",
     "ContinuousSystem", "Controllability", "ControllabilityWindow", "Cost", "CostAlong", "CostGradient", "CostHessian",
     "CostSum", "DenseTrajectory", "DerivativeReport", "DiscreteSystem", "Entries", "Equal", "FinalTime",
     "FunctionContinuousSystem", "FunctionCost",

@@ -6,7 +6,7 @@ import numpy as np
 
 import leastaction as la
 from api.walk.of_data import fields_of
-from api.walk.scenes import TIMES, Q, integrator, line, line_price, price, steps
+from api.walk.scenes import TIMES, Q, flow_price, integrator, line, line_price, price, steps
 from api.walk.values import Call
 from leastaction import control, costs
 from leastaction.control import monte_carlo
@@ -55,6 +55,7 @@ def calls() -> dict[str, Call]:
             },
         ),
         "CostSum": (costs.CostSum, {"costs": [line_price(), line_price()]}),
+        "ContinuousCostSum": (costs.ContinuousCostSum, {"costs": [flow_price(), flow_price()]}),
         "GaussNewton": (
             lambda **given: la.optimize(
                 line(), costs.GaussNewton(**given), initial=([0.5, 0.0], np.zeros((5, 1))), max_iterations=1
@@ -66,6 +67,13 @@ def calls() -> dict[str, Call]:
             {
                 "system": steps(), "weights": {"a": 1.0}, "wanted": None, "effort": 0.1, "inputs": None,
                 "final": None, "during": None,
+            },
+        ),
+        "tracking in continuous time": (
+            costs.tracking,
+            {
+                "system": la.MechanismSystem(steps().mechanism), "weights": {"a": 1.0}, "wanted": {"a": 0.5},
+                "effort": 0.1, "inputs": None, "final": {"*": 1.0}, "during": (0.1, 0.2),
             },
         ),
         "MovingHorizonEstimator": (

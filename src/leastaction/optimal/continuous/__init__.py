@@ -18,12 +18,13 @@ from leastaction.optimal.continuous.linear_quadratic import (
 )
 from leastaction.optimal.continuous.projection import ContinuousProjection, ContinuousRollout
 from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution
+from leastaction.optimal.continuous.sums import ContinuousCostSum
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
 
 __all__ = [
-    "Accuracy", "ContinuousCost", "ContinuousLinearQuadraticSolution", "ContinuousOptimizationResult",
-    "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout", "ContinuousSystem", "DenseTrajectory",
-    "FunctionContinuousSystem", "LinearContinuousSystem", "PiecewisePolynomial", "RateGradient", "RateHessian",
-    "regulate_continuous", "solve_continuous_linear_quadratic", "steady_state_regulator",
+    "Accuracy", "ContinuousCost", "ContinuousCostSum", "ContinuousLinearQuadraticSolution",
+    "ContinuousOptimizationResult", "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout",
+    "ContinuousSystem", "DenseTrajectory", "FunctionContinuousSystem", "LinearContinuousSystem", "PiecewisePolynomial",
+    "RateGradient", "RateHessian", "regulate_continuous", "solve_continuous_linear_quadratic", "steady_state_regulator",
 ]  # fmt: skip

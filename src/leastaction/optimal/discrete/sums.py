@@ -35,7 +35,7 @@ class CostSum(Cost):
         if not self.costs:
             raise ArgumentError("costs: got none, expected at least one cost")
         for each in self.costs:
-            require_instance(each, "costs", Cost, "such as a QuadraticCost")
+            require_instance(each, "costs", Cost, "in continuous time it is a ContinuousCostSum")
         self.nonnegative = all(each.nonnegative for each in self.costs)
         self.needs = tuple(sorted({need for each in self.costs for need in each.needs}))
         self.before = next((each.before for each in self.costs if each.before is not None), None)

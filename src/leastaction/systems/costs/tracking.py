@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,58 +12,89 @@ from leastaction.errors import ArgumentError, unknown
 from leastaction.mechanics.discrete.prescribed import inputs_along
 from leastaction.mechanics.mechanism.arguments import configuration_on
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_array, as_number, require_instance, require_mapping
+from leastaction.numerics.arrays import Array, as_array, as_number, require_instance
 from leastaction.numerics.names import matching
 from leastaction.numerics.public import public
+from leastaction.optimal.continuous.cost import ContinuousQuadraticCost
+from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.discrete.cost import QuadraticCost
 from leastaction.optimal.discrete.system import DiscreteSystem
+from leastaction.systems.costs.flowing import tracking_over_time
+from leastaction.systems.costs.words import prices_of_effort, rotations_of, weights_by_name
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.orientations import quaternions_of
 
 Wanted = Mapping[str, float | ArrayLike | Callable[[float], float]] | ArrayLike | None
 """Values over the instants by name: a number, (N+1,), or a function of the time (s); or states (N+1, nx) or (nx,)."""
 
-_LEAST_EFFORT = 1e-9  # price of an input that has none: without one there need be no minimum
+
+@overload
+def tracking(
+    system: DiscreteSystem,
+    weights: Mapping[str, float],
+    wanted: Wanted = ...,
+    *,
+    effort: float | Mapping[str, float] = ...,
+    inputs: Wanted = ...,
+    final: Mapping[str, float] | None = ...,
+    during: tuple[float, float] | None = ...,
+) -> QuadraticCost: ...
+
+
+@overload
+def tracking(
+    system: ContinuousSystem,
+    weights: Mapping[str, float],
+    wanted: Wanted | Callable[[float], ArrayLike] = ...,
+    *,
+    effort: float | Mapping[str, float] = ...,
+    inputs: Wanted | Callable[[float], ArrayLike] = ...,
+    final: Mapping[str, float] | None = ...,
+    during: tuple[float, float] | None = ...,
+) -> ContinuousQuadraticCost: ...
 
 
 @public
 def tracking(
-    system: DiscreteSystem,
+    system: DiscreteSystem | ContinuousSystem,
     weights: Mapping[str, float],
-    wanted: Wanted = None,
+    wanted: Wanted | Callable[[float], ArrayLike] = None,
     *,
     effort: float | Mapping[str, float] = 1e-3,
-    inputs: Wanted = None,
+    inputs: Wanted | Callable[[float], ArrayLike] = None,
     final: Mapping[str, float] | None = None,
     during: tuple[float, float] | None = None,
-) -> QuadraticCost:
+) -> QuadraticCost | ContinuousQuadraticCost:
     """Return the cost of being off a wanted motion, by the names of a system.
+
+    In continuous time `weights` and `effort` count by the second, and the last state only where `final` says so.
 
     Parameters
     ----------
-    system : DiscreteSystem
+    system : DiscreteSystem or ContinuousSystem
     weights : mapping of str to float
         Of half the squares, by names of entries of the state with wildcards, in units of the cost by theirs squared:
         ``{"left_elbow": 100, "p_*": 1e-3}``. Of a `MidpointSystem` ``"left_elbow.v"`` is the velocity of a variable
-        (``"*.v"`` that of all), with the inertia at the wanted motion. A later name overrides an earlier one. Of a
-        joint whose rotation is a quaternion ``"hips.wx"`` is the rotation that is missing about that axis of it (rad),
-        and ``"hips.wx.v"`` its angular velocity.
-    wanted : mapping, or array_like (N+1, nx) or (nx,), optional
+        (``"*.v"`` that of all), with the inertia at the wanted motion; of a `MechanismSystem` it is that entry of the
+        state. A later name overrides an earlier one. Of a joint whose rotation is a quaternion ``"hips.wx"`` is the
+        rotation that is missing about that axis of it (rad), and ``"hips.wx.v"`` its angular velocity.
+    wanted : mapping, or array_like (N+1, nx) or (nx,), or callable, optional
         What is wanted, by name: a number, (N+1,) values, or a function of the time (s); or whole states. Zero if left
         out, velocities too. Of a joint whose rotation is a quaternion, by its name, the rotation: (3, 3) or
-        (N+1, 3, 3), or a function; none if left out.
+        (N+1, 3, 3), or a function; none if left out. In continuous time a `PiecewisePolynomial` through samples takes
+        the place of rows, and the whole state may be one, or another function of the time.
     effort : float or mapping of str to float, optional
         Weights of the inputs.
-    inputs : mapping, or array_like (N, nu) or (nu,), optional
-        Wanted inputs; zero if left out, of prescribed variables where they are wanted a step later.
+    inputs : mapping, or array_like (N, nu) or (nu,), or callable, optional
+        Wanted inputs; zero if left out, in discrete time of prescribed variables where they are wanted a step later.
     final : mapping of str to float, optional
-        Weights of the last state; those of all others if left out.
+        Weights of the last state; those of all others if left out, in continuous time none.
     during : (float, float), optional
         First and last time (s) at which `weights` count; always if left out.
 
     Returns
     -------
-    QuadraticCost
+    QuadraticCost, or ContinuousQuadraticCost of a ContinuousSystem
 
     Raises
     ------
@@ -81,7 +112,9 @@ def tracking(
     >>> cost.Q.shape, cost.x_wanted[0, 1].round(3)
     ((50, 4, 4), np.float64(3.142))
     """
-    require_instance(system, "system", DiscreteSystem, "such as a MidpointSystem")
+    if isinstance(system, ContinuousSystem):
+        return tracking_over_time(system, weights, wanted, effort=effort, inputs=inputs, final=final, during=during)
+    require_instance(system, "system", DiscreteSystem, "such as a MidpointSystem or a MechanismSystem")
     m = system.mechanism if isinstance(system, MidpointSystem) else None
     if m is None and system.charts() is not None:
         raise ArgumentError("system: its states are no plain vectors; give a QuadraticCost with its `space`")
@@ -95,13 +128,7 @@ def tracking(
     u = _over_time(system, inputs, system.input_names, np.zeros((system.N, system.nu)), "inputs")
     if m is not None and m.nrho and inputs is None:
         u[:, m.n_inputs :] = inputs_along(m, x[:, m.first_rho : m.nq])
-    prices = {"*": effort} if not isinstance(effort, Mapping) else effort
-    R = np.full(system.nu, _LEAST_EFFORT)
-    for name, weight in prices.items():
-        places = matching(system.input_names, name)
-        if not places:
-            raise unknown("input", name, system.input_names, "effort")
-        R[places] = as_number(weight, f"effort[{name!r}]", above=0.0)
+    R = prices_of_effort(system, effort)
     Q = _weights(system, weights, x, "weights")
     Q_final = Q[-1] if final is None else _weights(system, final, x[-1:], "final")[0]
     Q = Q[:-1] if len(Q) > 1 else Q
@@ -123,19 +150,18 @@ def tracking(
     return QuadraticCost(x, u, Q=Q, R=R, Q_final=Q_final, space=system)
 
 
-def _without_rotations(m: Mechanism, wanted: Wanted, t: Array, x: Array) -> Wanted:
+def _without_rotations(m: Mechanism, wanted: Any, t: Array, x: Array) -> Any:
     """Write rotations that are wanted by the names of joints into states x (N+1, nx); return what else is wanted."""
-    joints = {rotation.name: rotation for rotation in m.tree.rotations}
-    if not isinstance(wanted, Mapping) or joints.keys().isdisjoint(wanted):
+    firsts = rotations_of(m)
+    if not isinstance(wanted, Mapping) or firsts.keys().isdisjoint(wanted):
         return wanted
-    for name in joints.keys() & wanted.keys():
-        first = m.coordinates.index(joints[name].quaternion[0])
+    for name in firsts.keys() & wanted.keys():
         given: Any = wanted[name]
-        x[:, first : first + 4] = quaternions_of(given, f"wanted[{name!r}]", t)
-    return {name: value for name, value in wanted.items() if name not in joints}
+        x[:, firsts[name] : firsts[name] + 4] = quaternions_of(given, f"wanted[{name!r}]", t)
+    return {name: value for name, value in wanted.items() if name not in firsts}
 
 
-def _over_time(system: DiscreteSystem, wanted: Wanted, names: Sequence[str], out: Array, what: str) -> Array:
+def _over_time(system: DiscreteSystem, wanted: Any, names: Sequence[str], out: Array, what: str) -> Array:
     """Write what is wanted into an array (rows, n), and return it."""
     rows, n = out.shape
     if wanted is None:
@@ -157,20 +183,11 @@ def _over_time(system: DiscreteSystem, wanted: Wanted, names: Sequence[str], out
 
 def _weights(system: DiscreteSystem, weights: Mapping[str, float], x: Array, what: str) -> Array:
     """Return weights (1 or n, ndx), or matrices (n, ndx, ndx) where velocities have some, along states (n, nx)."""
-    require_mapping(weights, what, "{'elbow': 100.0, '*.v': 1.0}")
     names, m = system.state_names, system.mechanism if isinstance(system, MidpointSystem) else None
     if m is not None:
         names = (*m.variables, *names[m.nq :])  # of differences
-    of_entries, of_rates = np.zeros(len(names)), np.zeros(0 if m is None else m.nv)
-    for name, given in weights.items():
-        weight = as_number(given, f"{what}[{name!r}]", least=0.0)
-        places = matching(names, name)
-        rates = [] if m is None or not name.endswith(".v") else matching(m.variables, name.removesuffix(".v"))
-        if not places and not rates:
-            known = (*names, *(f"{each}.v" for each in (() if m is None else m.variables)))
-            raise unknown("name", name, known, what)
-        of_entries[places] = weight
-        of_rates[rates] = weight
+    found = weights_by_name(weights, names, () if m is None else m.variables, len(names), what)
+    of_entries, of_rates = found[: len(names)], found[len(names) :]
     if m is None or not of_rates.any():
         return of_entries[None]
     out = np.empty((len(x), len(names), len(names)))
