@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+import leastaction as la
 from leastaction import Damping, Gravity, Mechanism, MidpointSystem, MidpointVI, ball
 from leastaction.control.bridge.derivatives import BatchedSystem
 from leastaction.elements import JointForce
@@ -141,3 +142,21 @@ def test_torch_has_the_gradient_of_turns():
 
     x0, u = torch.tensor(X0, requires_grad=True), torch.tensor(U, requires_grad=True)
     assert torch.autograd.gradcheck(roll_out(SYSTEM), (x0, u), eps=1e-6, atol=1e-6)
+
+
+def test_python_control_has_what_rotations_turn_by() -> None:
+    pytest.importorskip("control")
+    from leastaction.control.bridge.python_control import state_space
+
+    base = la.free("base", mass=1.0, inertia=(1.0, 2.0, 3.0))
+    m = la.Mechanism([base, [la.rx("hip", mass=1.0, com=(0, 0, -1))]], [la.JointForce("hip", "motor")])
+    inverse = np.linalg.inv(m.mass_matrix(m.configuration()))
+    flow = state_space(la.MechanismSystem(m), np.r_[m.configuration(), m.velocity()], [0.0])
+    assert flow.A.shape == (14, 14)
+    assert flow.C.shape == (15, 14)
+    np.testing.assert_allclose(flow.A, np.eye(14, k=7), atol=1e-14)
+    np.testing.assert_allclose(flow.B[7:, 0], inverse[:, 6], atol=1e-14)
+    vi = la.MidpointVI(m)
+    steps = state_space(la.MidpointSystem(vi, [0.0, 1e-3, 2e-3]), vi.start({}).x, [0.0])
+    np.testing.assert_allclose(steps.A[:7, 7:] / 1e-3, inverse, atol=1e-9)
+    assert steps.state_labels[:8] == ["base_x", "base_y", "base_z", "dx_3", "dx_4", "dx_5", "hip", "p_base_x"]
