@@ -239,6 +239,10 @@ def optimal_calls(c: Case, folder: Path) -> dict[str, Callable[[], Any]]:
         )
         return la.optimize(flow, cost, horizon=(0.0, 0.12), initial=(c.flow.x[0], np.zeros(flow.nu)), max_iterations=2)
 
+    def flowing(cost: Any) -> Any:
+        x, u = c.flow.x[:3], np.zeros((3, la.MechanismSystem(m).nu))
+        return cost.gradient(x, u, c.flow.t[:3]), cost.hessian(x, u, c.flow.t[:3])
+
     def filtered(kind: str) -> Any:
         kalman = control.KalmanFilter(
             system, measure=["*q?", hinge], noise=0.01, process=1e-3, x=run.x[0], spread=0.1, kind=kind
@@ -337,6 +341,13 @@ def optimal_calls(c: Case, folder: Path) -> dict[str, Callable[[], Any]]:
         "environment": lambda: gymnasium.environment(system, **drawn).reset(),
         "jax roll_out": lambda: jax.roll_out(system)(run.x[0], run.u),
         "MechanismSystem": continuous,
+        "tracking in continuous time": lambda: flowing(
+            costs.tracking(la.MechanismSystem(m), {hinge: 1.0, "*.v": 0.1, f"{ball}.w*": 2.0}, {ball: rotation[0]})
+        ),
+        "ContinuousPlaceCost": lambda: flowing(costs.ContinuousPlaceCost(la.MechanismSystem(m), {frame: np.zeros(3)})),
+        "ContinuousOrientationCost": lambda: flowing(
+            costs.ContinuousOrientationCost(la.MechanismSystem(m), {frame: np.eye(3)})
+        ),
         "show": lambda: la.show(run).save(folder / "run.html"),
         "show a mechanism": lambda: la.show(m).save(folder / "m.html"),
         "gltf": lambda: la.show(run).save(folder / "run.glb"),

@@ -22,7 +22,6 @@ GROUPS = {
 
 REFUSED = {
     "linearize_many": "its rotations are quaternions; expected a mechanism without",
-    "jax roll_out": "its states are no plain vectors",
 }
 """What takes none, and what it says."""
 

@@ -169,11 +169,14 @@ class ContinuousOrientationCost(CostOfFrames):
         weights: Mapping[str, ArrayLike] | None = None,
     ) -> None:
         super().__init__(system, orientations, {} if weights is None else weights, "orientations")
-        # What never changes is read once.
-        self.orientations = {
-            name: each if callable(each) else quaternions_of(each, f"orientations: {name!r}", np.zeros(1))
-            for name, each in orientations.items()
-        }
+        self.orientations: dict[str, Any] = {}
+        for name, each in orientations.items():
+            what = f"orientations: {name!r}"
+            if not callable(each):  # what never changes is read once
+                turn = as_array(each, what, (3, 3), meaning="one rotation, or a function of the time")
+                self.orientations[name] = quaternions_of(turn, what, np.zeros(1))
+            else:
+                self.orientations[name] = each
 
     def priced(self, t: Array) -> PricedTurns:
         """Return the turns that are missing at times (n,)."""
