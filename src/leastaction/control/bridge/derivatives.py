@@ -29,6 +29,9 @@ class BatchedSystem:
         self.system = system
         self.space: StateSpace = system.charts() or Vectors(system.nx)
         self.N, self.nx, self.nu = system.N, system.nx, system.nu
+        self._integrator = None
+        if type(system) is MidpointSystem and not system.multipliers and system.first_share == 1.0:
+            self._integrator = system.integrator  # its steps are the system's, so many are made at once
 
     def states(self, x0: Array, u: Array) -> Array:
         """Return the states (..., N+1, nx) from x0 (..., nx) under inputs u (..., N, nu).
@@ -50,11 +53,11 @@ class BatchedSystem:
     def _moved(self, starts: Array, inputs: Array) -> Array:
         """Return the states (B, N+1, nx)."""
         system = self.system
-        if type(system) is MidpointSystem and not system.multipliers and system.first_share == 1.0:
-            runs = simulate_many(system.integrator, starts, system.t, inputs)
+        if self._integrator is not None:
+            runs = simulate_many(self._integrator, starts, system.times, inputs)
             if runs.failures:
                 i, why = next(iter(runs.failures.items()))
-                raise StepError(f"instance {i}: {why}", t=float(system.t[0]), residuals={}, iteration=0)
+                raise StepError(f"instance {i}: {why}", t=float(system.times[0]), residuals={}, iteration=0)
             return np.array(runs.x)
         K = np.zeros((self.N, self.nu, self.space.ndx))
         found = np.empty((len(starts), self.N + 1, self.nx))
@@ -68,11 +71,10 @@ class BatchedSystem:
     def slopes(self, x: Array, u: Array) -> Array:
         """Return ``[A B]`` of every step (..., N, nx, nx+nu) along motions x (..., N+1, nx), u (..., N, nu)."""
         system, n = self.system, self.nx + self.nu
-        plain = isinstance(self.space, Vectors)
-        if plain and type(system) is MidpointSystem and not system.multipliers and system.first_share == 1.0:
+        if self._integrator is not None and isinstance(self.space, Vectors):
             batch = x.shape[:-2]
             states, inputs = np.reshape(x, (-1, self.N + 1, self.nx)), np.reshape(u, (-1, self.N, self.nu))
-            both = np.concatenate(linearize_many(system.integrator, system.t, states, inputs), axis=3)
+            both = np.concatenate(linearize_many(self._integrator, system.times, states, inputs), axis=3)
             return both.reshape(*batch, self.N, self.nx, n)
 
         def one(states: Array, inputs: Array) -> Array:

@@ -20,6 +20,7 @@ from leastaction.optimal.space import bent_by_numbers, by_numbers
 from leastaction.systems.continuous import MechanismSystem
 from leastaction.systems.costs.orientations import PricedTurns
 from leastaction.systems.costs.places import PricedPlaces
+from leastaction.systems.costs.words import weights_of_axes
 from leastaction.systems.orientations import MissingTurn, Orientation, TurnedFrame, quaternions_of
 from leastaction.systems.quantities.continuous import points_of
 
@@ -48,12 +49,8 @@ class CostOfFrames(ContinuousCost):
         m = system.mechanism
         for name in wanted:
             m.frame_pose(m.configuration(), name)  # an unknown name is an error here, not at the first step
-        given = [as_array(weights.get(name, 1.0), f"weights: {name!r}", (), (3,)) for name in wanted]
-        for name, weight in zip(wanted, given, strict=True):
-            if (weight < 0.0).any():
-                raise ArgumentError(f"weights: {name!r}: got {weight.tolist()}, expected no negative number")
         self.system, self.frames = system, tuple(wanted)
-        self.weights = np.array([np.broadcast_to(weight, (3,)) for weight in given])
+        self.weights = weights_of_axes(weights, wanted)
         curves = [each for each in wanted.values() if isinstance(each, PiecewisePolynomial)]
         self.jumps = tuple(sorted({t for curve in curves for t in curve.jumps()}))
         self.nonnegative = True

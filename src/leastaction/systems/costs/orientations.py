@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, closest
-from leastaction.numerics.arrays import Array, as_array, read_only
+from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost
 from leastaction.systems.costs.configurations import CostOfConfigurations
+from leastaction.systems.costs.words import weights_of_axes
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.orientations import MissingTurn, Orientation, TurnedFrame, quaternions_of
 
@@ -95,12 +96,7 @@ class OrientationCost(CostOfConfigurations):
         self._wanted = {
             name: quaternions_of(each, f"orientations: {name!r}", system.t) for name, each in orientations.items()
         }
-        self._weights: dict[str, Array] = {}
-        for name in orientations:
-            weight = as_array(given.get(name, 1.0), f"weights: {name!r}", (), (3,))
-            if (weight < 0.0).any():
-                raise ArgumentError(f"weights: {name!r}: got {weight.tolist()}, expected no negative number")
-            self._weights[name] = read_only(np.array(np.broadcast_to(weight, (3,))))
+        self._weights = dict(zip(orientations, read_only(weights_of_axes(given, orientations)), strict=True))
         self._turns()  # an unknown frame is told here
 
     def own_window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from leastaction.errors import unknown
+from leastaction.errors import ArgumentError, unknown
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, as_number, require_mapping
+from leastaction.numerics.arrays import Array, as_array, as_number, require_mapping
 from leastaction.numerics.names import matching
 from leastaction.optimal.system import System
 
@@ -55,6 +56,20 @@ def prices_of_effort(system: System, effort: float | Mapping[str, float]) -> Arr
             raise unknown("input", name, system.input_names, "effort")
         R[places] = as_number(weight, f"effort[{name!r}]", above=0.0)
     return R
+
+
+def weights_of_axes(weights: Mapping[str, ArrayLike], frames: Iterable[str]) -> Array:
+    """Return weights of frames by their names, along or about the axes of each, (n, 3); 1 where none is given.
+
+    Raises `ArgumentError` for wrong shapes and negative weights.
+    """
+    rows = []
+    for name in frames:
+        weight = as_array(weights.get(name, 1.0), f"weights: {name!r}", (), (3,))
+        if (weight < 0.0).any():
+            raise ArgumentError(f"weights: {name!r}: got {weight.tolist()}, expected no negative number")
+        rows.append(np.broadcast_to(weight, (3,)))
+    return np.array(rows).reshape(-1, 3)
 
 
 def rotations_of(m: Mechanism) -> dict[str, int]:
