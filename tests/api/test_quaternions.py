@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import leastaction as la
+from leastaction.control import close_loop
 from leastaction.errors import ArgumentError, DescriptionError
 from leastaction.expressions import variable
 from leastaction.mechanics import (
@@ -234,6 +235,13 @@ def test_numbers_may_be_given_by_name_wherever_one_row_is_taken() -> None:
     np.testing.assert_array_equal(by_name.q, by_place.q)
     flow = la.simulate(mechanism, {"hip": 0.3}, {"base.wx": 2.0}, t, inputs={"torque": 1.0})
     np.testing.assert_array_equal(flow.q, la.simulate(mechanism, q, v, t, inputs=[1.0]).q)
+    system = la.MidpointSystem(vi, t)
+    for each, x in ((system, vi.start(q).x), (la.MechanismSystem(mechanism), np.concatenate([q, 0.0 * v]))):
+        np.testing.assert_array_equal(each.state_given({"hip": 0.3}), x)
+    law = lambda t, x: np.zeros(1)  # noqa: E731
+    np.testing.assert_array_equal(close_loop(vi, law, {"hip": 0.3}, t).x[0], vi.start(q).x)
+    with pytest.raises(la.LeastActionError, match=r"x: got a quaternion of length 0"):
+        close_loop(vi, law, np.zeros(system.nx), t)
     with pytest.raises(la.LeastActionError, match=r"v: unknown name 'base.w'; did you mean 'base.w"):
         vi.start(q, {"base.w": 1.0})
     with pytest.raises(la.LeastActionError, match=r"q: the value of 'hip': got None"):

@@ -160,6 +160,9 @@ def close_loop(
     if disturbance is not None and not callable(disturbance):
         root = _root(covariance_of_states(disturbance, stood.system, "disturbance"))
     at = stood.system.state_given(x)
+    space = stood.system.charts()
+    if space is not None:
+        space.check(at, "x")
     stood.system.check_start(at)
     seen = getattr(controller, "system", None) or getattr(estimator, "system", None)
     converts = stood.converts_for(seen)

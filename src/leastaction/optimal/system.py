@@ -28,7 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 from leastaction.errors import ArgumentError, brief, closest
-from leastaction.numerics.arrays import Array, as_array, as_count
+from leastaction.numerics.arrays import Array, Row, as_array, as_count
 from leastaction.numerics.dataset import Dataset
 from leastaction.numerics.names import as_names, matching
 from leastaction.numerics.public import public
@@ -269,8 +269,8 @@ class System(ABC):
             places.update(found)
         return sorted(places)
 
-    def own_state(self, given: Any) -> npt.ArrayLike | None:
-        """Return the numbers of a state (nx,) that is given in the system's own way; None of one by numbers."""
+    def own_state(self, given: Any) -> Row | None:
+        """Return the numbers of a state (nx,), or numbers by name, given in the system's own way; None of others."""
 
     def state_given(self, given: Any, what: str = "x") -> Array:
         """Return a state (nx,) that was given by numbers, by name, or in the system's own way, or complain."""

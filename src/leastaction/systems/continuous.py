@@ -17,11 +17,12 @@ from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.sensitivity import start_by, velocity_by
 from leastaction.mechanics.elements.units import rate_of
+from leastaction.mechanics.mechanism.arguments import unturned
 from leastaction.mechanics.mechanism.kinematics import Kinematics
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.units import input_units, state_units
 from leastaction.mechanics.mechanism.turns import moved
-from leastaction.numerics.arrays import Array
+from leastaction.numerics.arrays import Array, Row
 from leastaction.numerics.dataset import Dataset
 from leastaction.numerics.frozen import changed
 from leastaction.numerics.public import public
@@ -268,6 +269,10 @@ class MechanismSystem(ContinuousSystem):
     def own_starting_at(self, t: float) -> MechanismSystem | None:
         then = self.mechanism.at_time(t)
         return None if then is self.mechanism else self._remade(then)
+
+    def own_state(self, given: Any) -> Row | None:
+        """Return numbers by name, with what is not turned."""
+        return unturned(self.mechanism) | dict(given) if isinstance(given, Mapping) else None
 
     def own_moved_start(self, x: Array, dx: Array) -> Array:
         """Return an initial state moved along its directions, and brought back onto the constraints."""

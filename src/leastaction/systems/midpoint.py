@@ -27,10 +27,11 @@ from leastaction.mechanics.discrete.outcome import quality_of, step_error
 from leastaction.mechanics.discrete.sensitivity import start_by
 from leastaction.mechanics.discrete.step_sensitivity import StepSensitivity, by_time_step, steps_by
 from leastaction.mechanics.discrete.trajectory import State, Trajectory
+from leastaction.mechanics.mechanism.arguments import unturned
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.units import input_units, multiplier_units, state_units
 from leastaction.mechanics.mechanism.turns import differences, turn_past_half
-from leastaction.numerics.arrays import Array, as_number, as_times, require_instance
+from leastaction.numerics.arrays import Array, Row, as_number, as_times, require_instance
 from leastaction.numerics.dataset import Dataset
 from leastaction.numerics.frozen import changed, made, restore_state, saved_state
 from leastaction.numerics.public import public
@@ -199,8 +200,10 @@ class MidpointSystem(DiscreteSystem):
             whole[m.nv : m.nv + m.nd] = taken_up
         return whole
 
-    def own_state(self, given: Any) -> ArrayLike | None:
-        """Return the numbers of a `State`; multipliers of no step before are zero."""
+    def own_state(self, given: Any) -> Row | None:
+        """Return the numbers of a `State`, or by name with what is not turned; multipliers of no step are zero."""
+        if isinstance(given, Mapping):
+            return unturned(self.mechanism) | dict(given)
         bare = given.x if isinstance(given, State) else given
         if self.multipliers and np.shape(bare) == (self.mechanism.nx,):
             return np.concatenate([bare, np.zeros(self.mechanism.nc)])

@@ -56,12 +56,13 @@ def check_same_names(theirs: Compiled, ours: Compiled, what: str, advice: str = 
 
 def configuration_by_name(m: Compiled, values: Mapping[str, float], what: str = "q", rest: float = 0.0) -> Array:
     """Return a configuration (nq,) from values by name, with quaternions of no rotation where they are not given."""
-    still = {
-        name: value
-        for rotation in m.tree.rotations
-        for name, value in zip(rotation.quaternion, (1.0, 0.0, 0.0, 0.0), strict=True)
-    }
-    return configuration_on(m, row_by_name(values, what, m.coordinates, rest, still), what)
+    return configuration_on(m, row_by_name(values, what, m.coordinates, rest, unturned(m)), what)
+
+
+def unturned(m: Compiled) -> dict[str, float]:
+    """Return the numbers of quaternions by name where nothing is turned."""
+    still = (1.0, 0.0, 0.0, 0.0)
+    return {name: value for each in m.tree.rotations for name, value in zip(each.quaternion, still, strict=True)}
 
 
 def single(m: Compiled, q: Row, what: str = "q") -> Array:
