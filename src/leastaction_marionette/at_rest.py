@@ -89,8 +89,8 @@ def resting(
     """
     if instants < 1:
         raise ArgumentError(f"instants: got {instants}, expected 1 or more")
-    limits = limits or run.limits or PuppetLimits()
-    plan = TrackingPlan(TrackingProblem(run.mechanism, run.motion, weights, 1, run.follow), weights, limits)
+    limits = limits or run.limits
+    plan = TrackingPlan(TrackingProblem(run.mechanism, run.motion, weights, limits, follow=run.follow, threads=1))
     search = PoseSearch(plan)
     last = len(plan.t) - 1
     made = np.stack([run.trajectory[name] for name in plan.mechanism.coordinates], axis=1)

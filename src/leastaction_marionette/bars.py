@@ -11,7 +11,7 @@ from leastaction.models.marionette import bars_of
 from leastaction.numerics import Array
 from leastaction.viz import GREY, new_figure, styled
 from leastaction_marionette.tracking.found import TrackingRun
-from leastaction_marionette.tracking.limits import PuppetLimits, pelvis_of
+from leastaction_marionette.tracking.limits import pelvis_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,7 +40,7 @@ def plot_bars(run: TrackingRun) -> Figure:
     ArgumentError
         If all strings are held by hands.
     """
-    bars, limits = bars_of(run.mechanism), run.limits or PuppetLimits()
+    bars, limits = bars_of(run.mechanism), run.limits
     if not bars:
         raise ArgumentError("run: its strings are all held by hands, expected a marionette on control bars")
     pelvis, t = pelvis_of(run.mechanism, run.reference), run.trajectory.t

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from leastaction_marionette.command.session import AtSpeeds, Request
 
 
-RECORDS = frozenset({"MarionetteRun", "MarionetteSearch"})
+RECORDS = frozenset({"TrackingRun", "TrackingSearch"})
 """What is in the files that it writes."""
 
 

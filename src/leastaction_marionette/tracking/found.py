@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -10,21 +11,25 @@ from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError
 from leastaction.io import Motion, Provenance
-from leastaction.mechanics import Mechanism, Trajectory
+from leastaction.mechanics import Mechanism, MidpointVI, Trajectory
+from leastaction.models.marionette import hang_strings
 from leastaction.numerics import Array
 from leastaction.optimal import OptimizationResult, Status
+from leastaction.systems import MidpointSystem
 from leastaction.viz import TrackingErrors, tracking_errors
 from leastaction_marionette.choices import Follow
-from leastaction_marionette.markers import places_of, with_places
+from leastaction_marionette.markers import places_of, wanted_markers
 from leastaction_marionette.tracking.limits import PuppetLimits
-from leastaction_marionette.tracking.problem import ROOT, unheld
-from leastaction_marionette.turns import body_of, differences
+from leastaction_marionette.tracking.problem import ROOT, body_columns, unheld
+from leastaction_marionette.turns import differences
 
 CUT_SHORT: Final = (Status.INTERRUPTED, Status.STOPPED_BY_CALLBACK)
 """How a run ends that somebody ended."""
 
 STUCK: Final = (Status.LINE_SEARCH_FAILED, Status.NO_DIRECTION, Status.SADDLE)
 """How one ends that found no way on."""
+
+_NOT_RECORDED: Final = {"recorded": False}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,56 +74,63 @@ class TrackingRun:
     Attributes
     ----------
     mechanism : Mechanism
-    source : str
-        Where the reference motion comes from, in words.
-    reference : ndarray, shape (N+1, nq)
-        The configurations to be followed, with the strings that were guessed for them.
+    motion : Motion
+        What was to be followed: the body, with its markers if they are known.
     embedded : bool
-        Whether the motion was planned by tensions, its first trajectory found by dynamic embedding.
-    trajectory : Trajectory
-        The motion, by names: times, configurations, momenta, multipliers.
+        Whether its first trajectory was sought, with motors on all joints or from a puppet held still; else it began
+        with what hanging strings do.
     result : OptimizationResult
-        Of the optimiser, with the gains that hold the motion; its states are ``[q; rho; p; v_rho; lam]``.
-    plan : OptimizationResult or None
-        Of a motion that was planned by tensions: the optimiser's own result, in whose variables `result` says the same.
-        Its states are ``[q; rho; p; v_rho]``, its inputs the tensions and the next places of the upper ends.
+        On strings of prescribed lengths, with the gains that hold the motion; its states are
+        ``[q; rho; p; v_rho; lam]``.
+    plan : OptimizationResult
+        The optimiser's own, by tensions, of which `result` says the same. Its states are ``[q; rho; p; v_rho]``, its
+        inputs the tensions and the next places of the upper ends.
     kinds : frozenset of str
         The kinds of limits that were stated, of those that `PuppetLimits` has; the motion keeps to the others anyway.
-    unfinished : OptimizationResult or None
-        Of a run that was cut short before its strings were told to pull: where it goes on. What the rest says is a
-        motion near that one, in which they do.
     follow : {"joints", "markers"}
-        What of the reference was followed.
-    markers : ndarray (N+1, 6, 3) or None
-        Where the markers are wanted (m), in the order of `leastaction_marionette.MARKERS`, if that is known.
-    effort : Effort or None
-        What it took in all; None of a file that does not say it.
-    limits : PuppetLimits or None
-        What it had to keep to; None of a file that does not say it.
+        What of the motion was followed.
+    effort : Effort
+        What it took in all.
+    limits : PuppetLimits
+        What it had to keep to.
+    trajectory : Trajectory
+        The motion that was found, by names: times, configurations, momenta, multipliers.
     provenance : Provenance
     """
 
     mechanism: Mechanism = field(repr=False)
-    source: str
-    reference: Array = field(repr=False)
+    motion: Motion
     embedded: bool
-    trajectory: Trajectory = field(repr=False)
     result: OptimizationResult = field(repr=False)
-    plan: OptimizationResult | None = field(default=None, repr=False)
+    plan: OptimizationResult = field(repr=False)
     kinds: frozenset[str] = frozenset()
-    unfinished: OptimizationResult | None = field(default=None, repr=False)
     follow: Follow = "joints"
-    markers: Array | None = field(default=None, repr=False)
-    effort: Effort | None = None
-    limits: PuppetLimits | None = field(default=None, repr=False)
-    provenance: Provenance = field(default_factory=Provenance.now)
+    effort: Effort = field(default_factory=Effort)
+    limits: PuppetLimits = field(default_factory=PuppetLimits, repr=False)
+    trajectory: Trajectory = field(default=None, repr=False, metadata=_NOT_RECORDED)  # type: ignore[assignment]
+    provenance: Provenance = field(default_factory=Provenance.now, metadata=_NOT_RECORDED)
+
+    def __post_init__(self) -> None:
+        if self.trajectory is None:
+            system = MidpointSystem(MidpointVI(self.mechanism), self.motion.t, multipliers=True)
+            object.__setattr__(self, "trajectory", system.trajectory(self.result.x, self.result.u))
 
     @property
-    def motion(self) -> Motion:
-        """The reference motion of the body, with its markers if they are known."""
-        names = body_of(self.mechanism)
-        body = Motion(names, self.trajectory.t, self.reference[:, : len(names)], self.source)
-        return body if self.markers is None else with_places(body, self.markers)
+    def source(self) -> str:
+        """Where the motion comes from, in words."""
+        return self.motion.source
+
+    @cached_property
+    def reference(self) -> Array:
+        """The configurations to be followed (N+1, nq), with the strings that were guessed for them."""
+        q = np.zeros((len(self.motion.t), self.mechanism.nq))
+        q[:, : self.mechanism.first_rho] = body_columns(self.mechanism, self.motion)
+        return hang_strings(self.mechanism, q)
+
+    @cached_property
+    def markers(self) -> Array | None:
+        """Where the markers are wanted (N+1, 6, 3) (m), in the order of `MARKERS`, if that is known."""
+        return wanted_markers(self.motion)
 
     @property
     def tension(self) -> Array:
@@ -182,20 +194,6 @@ def held_error(mechanism: Mechanism, reference: Array, q: Array) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FollowedParts:
-    """The parts of a long motion that are followed so far, joined. Frozen: threads may share it.
-
-    Attributes
-    ----------
-    x, u : ndarray (n+1, nx), (n, nu)
-        States and inputs of a plan by tensions from its start on.
-    """
-
-    x: Array = field(repr=False)
-    u: Array = field(repr=False)
-
-
-@dataclass(frozen=True, kw_only=True)
 class TrackingSearch:
     """A search as far as it went, for a first trajectory or for strings on bars that keep their lengths.
 
@@ -207,7 +205,7 @@ class TrackingSearch:
     motion : Motion
         To be followed.
     stage : int
-        Which of the search's optimisations is next.
+        Which of the optimisations with motors is next.
     result : OptimizationResult
         Of the one before it.
     follow : {"joints", "markers"}
@@ -218,18 +216,18 @@ class TrackingSearch:
         Of strings on bars that are being tied: the weight of their lengths; None before that.
     kinds : frozenset of str
         Of the limits that were stated then.
-    parts : FollowedParts or None
-        Of a long motion that is followed part by part: those so far, of which `result` is the last.
+    parts : bool
+        Whether a long motion is followed part by part: `result` has those so far, joined, and says how the last ended.
     provenance : Provenance
     """
 
     mechanism: Mechanism = field(repr=False)
     motion: Motion
-    stage: int
+    stage: int = 0
     result: OptimizationResult = field(repr=False)
     follow: Follow = "joints"
     effort: Effort = field(default_factory=Effort)
     firmness: float | None = None
     kinds: frozenset[str] = frozenset()
-    parts: FollowedParts | None = field(default=None, repr=False)
-    provenance: Provenance = field(default_factory=Provenance.now)
+    parts: bool = False
+    provenance: Provenance = field(default_factory=Provenance.now, metadata=_NOT_RECORDED)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics import Mechanism
+from leastaction.mechanics import Mechanism, MidpointVI
 from leastaction.models.marionette import JOINT_LIMITS, heading, strings_of
 from leastaction.models.puppet_controls import ends_of
 from leastaction.numerics import Array, restore_state, saved_state
-from leastaction.optimal import Bound, Limit
+from leastaction.optimal import Bound, Limit, PricedLimit, PricedLimits, QuadraticCost
+from leastaction.systems import MidpointSystem
 
 KINDS: Final = ("tension", "joints", "speed", "acceleration", "reach")
 """The kinds of limits, of which those are stated that a motion would break."""
@@ -81,58 +82,48 @@ class PuppetLimits:
             if not least < most:
                 raise ArgumentError(f"limits: {name} is to stay between {least} and {most}, expected the least first")
 
-    def of(self, mechanism: Mechanism, pelvis: Array, kinds: Collection[str]) -> list[Limit]:
+    def of(
+        self, mechanism: Mechanism, pelvis: Array, kinds: Collection[str], *, free_start: bool | None = None
+    ) -> list[Limit]:
         """Return limits of a marionette, by lengths or by tensions.
 
-        ``pelvis`` (N+1, 3): what `pelvis_of` says. ``kinds``: which of `KINDS`.
+        ``pelvis`` (N+1, 3): what `pelvis_of` says. ``kinds``: which of `KINDS`. ``free_start``: whether they hold at
+        the start too; if not given, by tensions, where that is free.
         """
         ends = ends_of(mechanism)
-        skip = 1 if mechanism.constraints else 0  # by tensions the start is free, and limits hold there too
-        by_kind: dict[str, list[Limit]] = {
-            "tension": [self._of_tensions(mechanism, len(pelvis) - 1)],
-            "joints": [Bound(name, *angles, of="variable") for name, angles in self.joints_of(mechanism).items()],
+        by_tension = not mechanism.constraints
+        skip = 0 if (by_tension if free_start is None else free_start) else 1
+        places, strings = (*ends.x, *ends.y, *ends.z), [s.name for s in strings_of(mechanism)]
+        strength = np.full(len(pelvis) - 1, self.strength)
+        strength[0] *= 1.0 if by_tension else 0.5  # the first impulse of a constraint is that of half a step
+        wanted = pelvis[skip:].T
+        by_kind: dict[str, list[tuple[Sequence[str], Array | float, Array | float, str]]] = {
+            "tension": [(strings, self.tension, strength, "input" if by_tension else "tension")],
+            "joints": [((name,), *angles, "variable") for name, angles in self.joints_of(mechanism).items()],
             # A rate over a step is part of the next state.
             "speed": [
-                Bound([f"v_{name}" for name in names], -most, most, of="state")
-                for names, most in (((*ends.x, *ends.y, *ends.z), self.speed), (ends.angles, self.turn_speed))
-                if names
+                ([f"v_{name}" for name in names], -most, most, "state")
+                for names, most in ((places, self.speed), (ends.angles, self.turn_speed))
             ],
             "acceleration": [
-                Bound(names, -most, most, of="acceleration")
-                for names, most in (
-                    ((*ends.x, *ends.y, *ends.z), self.acceleration),
-                    (ends.angles, self.turn_acceleration),
-                )
-                if names
+                (names, -most, most, "acceleration")
+                for names, most in ((places, self.acceleration), (ends.angles, self.turn_acceleration))
             ],
             "reach": [
-                *(
-                    Bound(names, place - most, place + most, of="variable")
-                    for names, place, most in zip(
-                        (ends.x, ends.y, ends.headings),
-                        pelvis[skip:].T,
-                        (self.reach, self.reach, self.turn),
-                        strict=True,
-                    )
-                    if names
-                ),
-                *(
-                    Bound(names, -most, most, of="variable")
-                    for names, most in ((ends.z, self.lift), (ends.tilts, self.tilt))
-                    if names
-                ),
+                (ends.x, wanted[0] - self.reach, wanted[0] + self.reach, "variable"),
+                (ends.y, wanted[1] - self.reach, wanted[1] + self.reach, "variable"),
+                (ends.headings, wanted[2] - self.turn, wanted[2] + self.turn, "variable"),
+                (ends.z, -self.lift, self.lift, "variable"),
+                (ends.tilts, -self.tilt, self.tilt, "variable"),
             ],
         }
-        return [limit for kind in KINDS if kind in kinds for limit in by_kind[kind]]
-
-    def _of_tensions(self, mechanism: Mechanism, steps: int) -> Limit:
-        """Return the limit of the tensions in a number of steps, by constraints or by inputs."""
-        names, most = [s.name for s in strings_of(mechanism)], np.full(steps, self.strength)
-        if not mechanism.constraints:
-            return Bound(names, self.tension, self.strength, of="input")
-        # The first impulse of a constraint is that of half a step; the least is stated as it is there too.
-        most[0] *= 0.5
-        return Bound(names, self.tension, most, of="tension")
+        return [
+            Bound(names, least, most, of=what)
+            for kind in KINDS
+            if kind in kinds
+            for names, least, most, what in by_kind[kind]
+            if names and (np.isfinite(least).any() or np.isfinite(most).any())
+        ]
 
     def joints_of(self, mechanism: Mechanism) -> dict[str, tuple[float, float]]:
         """Return the least and largest angles of those joints that a mechanism has: ball joints need none."""
@@ -158,35 +149,16 @@ class PuppetLimits:
 
     def broken(self, mechanism: Mechanism, t: Array, pelvis: Array, x: Array) -> frozenset[str]:
         """Return which kinds of limits a motion x (N+1, nx) does not keep to, besides that of the tensions."""
-        m, ends = mechanism, ends_of(mechanism)
-        found = set()
-        for name, (least, most) in self.joints_of(m).items():
-            angle = x[1:, m.coordinates.index(name)]
-            if angle.min() < least - _TOLERANCE or angle.max() > most + _TOLERANCE:
-                found.add("joints")
-        dt = float(t[1] - t[0])
+        m = mechanism
+        system = MidpointSystem(MidpointVI(m), t, multipliers=bool(m.constraints))
+        u = np.hstack([np.zeros((system.N, m.n_inputs)), x[1:, m.first_rho : m.nq]])
+        none = QuadraticCost(x, u, Q=np.zeros(system.ndx), R=np.ones(system.nu), space=system.space)
 
-        def away(names: tuple[str, ...], wanted: Array | float, reach: float) -> None:
-            place = x[:, [m.coordinates.index(name) for name in names]]
-            if np.abs(place - wanted)[1:].max(initial=0.0) > reach + _TOLERANCE:
-                found.add("reach")
+        def off(kind: str) -> float:
+            own = self.loosened(_TOLERANCE).of(m, pelvis, {kind}, free_start=False)
+            return PricedLimits(none, system, [PricedLimit(limit, 1.0) for limit in own]).off(x, u)
 
-        def fast(names: tuple[str, ...], most_speed: float, most: float) -> None:
-            place = x[:, [m.coordinates.index(name) for name in names]]
-            speed = np.diff(place, axis=0, prepend=place[:1]) / dt
-            if np.abs(speed).max(initial=0.0) > most_speed * (1.0 + _TOLERANCE):
-                found.add("speed")
-            if np.abs(np.diff(speed, axis=0)).max(initial=0.0) / dt > most * (1.0 + _TOLERANCE):
-                found.add("acceleration")
-
-        away(ends.x, pelvis[:, :1], self.reach)
-        away(ends.y, pelvis[:, 1:2], self.reach)
-        away(ends.headings, pelvis[:, 2:], self.turn)
-        away(ends.z, 0.0, self.lift)
-        away(ends.tilts, 0.0, self.tilt)
-        fast((*ends.x, *ends.y, *ends.z), self.speed, self.acceleration)
-        fast(ends.angles, self.turn_speed, self.turn_acceleration)
-        return frozenset(found)
+        return frozenset(kind for kind in KINDS if kind != "tension" and off(kind) > 0.0)
 
 
 def pelvis_of(mechanism: Mechanism, reference: Array) -> Array:

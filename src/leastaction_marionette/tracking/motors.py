@@ -6,10 +6,8 @@ next to nothing, and are then taken away.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +18,7 @@ from leastaction.numerics import Array, smooth_rise
 from leastaction.optimal import IterationRecord, OptimizationResult, Status
 from leastaction_marionette.tracking.found import Effort
 from leastaction_marionette.tracking.limits import FIRST_KINDS
-from leastaction_marionette.tracking.plan import TrackingPlan
+from leastaction_marionette.tracking.plan import Curve, TrackingPlan
 from leastaction_marionette.tracking.poses import at_rest, hanging
 from leastaction_marionette.tracking.stage import optimize
 from leastaction_marionette.turns import on_the_way, unit
@@ -28,7 +26,7 @@ from leastaction_marionette.turns import on_the_way, unit
 # Prices of a motor's square on the way to the motion without motors, and the iterations at each.
 PRICES = (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1e3, 1e4)
 _ITERATIONS, _LAST_ITERATIONS = 12, 80
-SEARCH_STAGES = len(PRICES) + 1
+STAGES = len(PRICES) + 1
 """Optimisations that a search takes at most, one after the other: one at each price, and one without motors."""
 
 _RELEASED = 4  # stage from which on it is tried whether the motion goes on without motors
@@ -60,11 +58,21 @@ def search(
     every stage, and where Ctrl-C ends one, which is the fourth argument. Raises `ArgumentError` where nothing was found
     and strings hold the puppet nowhere.
     """
-    m, strings = plan.mechanism, len(plan.strings)
-    motors = range(strings, strings + m.nd)
-    options = _options(plan)
+    motors = range(len(plan.strings), len(plan.strings) + plan.mechanism.nd)
 
-    def ended(found: OptimizationResult, number: int) -> OptimizationResult:
+    def solved(
+        start: Curve, number: int, price: float | None, kinds: frozenset[str] = FIRST_KINDS, **options: Any
+    ) -> OptimizationResult:
+        found = optimize(
+            plan.system if price is None else plan.by_motors,
+            plan.cost(motor=price),
+            initial=start,
+            limits=plan.limits.of(plan.mechanism, plan.problem.pelvis, kinds),
+            free_start=plan.mechanism.coordinates,
+            tolerance=_WITHOUT_MOTORS if price is None else _ROUGHLY,
+            max_iterations=_LAST_ITERATIONS if price is None else _ITERATIONS,
+            **options,
+        )
         if found.status is Status.INTERRUPTED:
             # Ctrl-C, which a single optimisation only ends early, ends them all.
             if result is not None:
@@ -72,24 +80,33 @@ def search(
             raise KeyboardInterrupt
         return found
 
-    for number in range(stage, SEARCH_STAGES):
+    for number in range(stage, STAGES):
         if result is not None and number >= _RELEASED:
-            stated = plan.broken(result.x)
-            found = ended(_release(plan, result, motors, stated), number)
-            if found.status is not Status.STOPPED_BY_CALLBACK:
+            # Without motors the motion would break the limits that they lead beyond by far: they are stated at once.
+            kinds, most = FIRST_KINDS | plan.broken(result.x), _JUMP * result.cost
+
+            def lost(record: IterationRecord, most: float = most) -> bool:
+                return record.iteration == 0 and not record.cost < most
+
+            found = None
+            with suppress(ProjectionError):
+                start = result.x, np.delete(result.u, motors, axis=1)
+                found = solved(start, number, None, kinds, callback=lost)
+            if found is not None and found.status is not Status.STOPPED_BY_CALLBACK:
                 effort = effort.plus(found, scale=scale)
                 say(f"without motors: cost {found.cost:.4g}")
-                within = ended(_within(plan, found, stated), number)
-                if within is not found:
-                    effort = effort.plus(within, scale=scale)
-                return *_unless_still(plan, within.x, within.u, say), effort
+                return *_unless_still(plan, found.x, found.u, say), effort
         if number == len(PRICES):
             break
         price = PRICES[number]
         # Duals of an earlier stage are those of cheaper motors: each stage finds its own.
-        solve = partial(optimize, plan.by_motors, plan.cost(motor=price), max_iterations=_ITERATIONS, **options)
-        found = _begun(plan, solve) if result is None else solve(initial=(result.x, result.u))
-        result = ended(found, number)
+        for start in _starts(plan) if result is None else [(result.x, result.u)]:
+            with suppress(ProjectionError):
+                result = solved(start, number, price)
+                break
+        if result is None:
+            at_rest(plan)  # or strings that cannot hold the puppet are the reason
+            raise ProjectionError("track: no motion of the puppet with motors is near to the wanted one")
         effort = effort.plus(result, scale=None)
         keep(number + 1, result, effort, False)
         most = float(np.max(np.sqrt(np.mean(result.u[:, motors] ** 2, axis=0))))
@@ -105,7 +122,7 @@ def search(
     return *hanging(plan), effort
 
 
-def _unless_still(plan: TrackingPlan, x: Array, u: Array, say: Callable[[str], object]) -> tuple[Array, Array]:
+def _unless_still(plan: TrackingPlan, x: Array, u: Array, say: Callable[[str], object]) -> Curve:
     """Return a motion; that of a puppet which hangs still, where it is nearer to the wanted one.
 
     Where strings are too few for what the motors did, the motion without them is violent, and leads nowhere.
@@ -117,74 +134,18 @@ def _unless_still(plan: TrackingPlan, x: Array, u: Array, say: Callable[[str], o
     return xs, us
 
 
-def _begun(plan: TrackingPlan, solve: Callable[..., OptimizationResult]) -> OptimizationResult:
-    """Return what the first stage finds from the wanted motion, or a smoother one where steps cannot follow it."""
+def _starts(plan: TrackingPlan) -> Iterator[Curve]:
+    """Yield the wanted motion with the motors that make it, then ever smoother ones, at last the first pose held."""
     # On its limit a tension has a barrier like a wall, from which no direction leads away.
-    least, most = plan.tensions_inside(_INSIDE)
-    q = plan.x_reference[:, : plan.mechanism.nq]
-    tensions = np.clip(plan.u_reference[:, : len(plan.strings)], least, most)
+    names, q = plan.mechanism.coordinates, plan.x_reference[:, : plan.mechanism.nq]
+    tensions = np.clip(plan.u_reference[:, : len(plan.strings)], *plan.tensions_inside(_INSIDE))
+    motion = Motion(names, plan.t, q)
     for cutoff in _CUTOFFS:
-        names = plan.mechanism.coordinates
-        smooth = unit(names, Motion(names, plan.t, q).low_pass(cutoff).q)
-        with suppress(ProjectionError):
-            return solve(initial=driven(plan, smooth, tensions))
-    try:
-        return solve(initial=driven(plan, np.tile(q[0], (len(q), 1)), tensions))
-    except ProjectionError:
-        at_rest(plan)  # or strings that cannot hold the puppet are the reason
-        raise
+        yield driven(plan, unit(names, motion.low_pass(cutoff).q), tensions)
+    yield driven(plan, np.tile(q[0], (len(q), 1)), tensions)
 
 
-def _options(plan: TrackingPlan, more: Collection[str] = (), tolerance: float = _ROUGHLY) -> dict[str, Any]:
-    """Return options of a stage: limits of the first kinds and `more`, what is free of the start, the tolerance."""
-    return {
-        "limits": plan.limits.of(plan.mechanism, plan.problem.pelvis, {*FIRST_KINDS, *more}),
-        "free_start": plan.free_start,
-        "tolerance": tolerance,
-    }
-
-
-def _release(
-    plan: TrackingPlan, result: OptimizationResult, motors: range, stated: frozenset[str]
-) -> OptimizationResult:
-    """Return what is found without motors from where they did something; stopped at once where that is far off.
-
-    ``stated``: kinds of limits that the motion with motors breaks. Without motors it would break them by far, and
-    the way back from there is long.
-    """
-    most = _JUMP * result.cost
-
-    def lost(record: IterationRecord) -> bool:
-        return record.iteration == 0 and not record.cost < most
-
-    try:
-        return optimize(
-            plan.system,
-            plan.cost(),
-            initial=(result.x, np.delete(result.u, motors, axis=1)),
-            callback=lost,
-            max_iterations=_LAST_ITERATIONS,
-            **_options(plan, stated, _WITHOUT_MOTORS),
-        )
-    except ProjectionError:
-        return replace(result, status=Status.STOPPED_BY_CALLBACK)
-
-
-def _within(plan: TrackingPlan, result: OptimizationResult, stated: frozenset[str]) -> OptimizationResult:
-    """Return a motion without motors that keeps to limits which one that was found breaks, and to those stated."""
-    kinds = stated | plan.broken(result.x)
-    if kinds == stated:
-        return result
-    return optimize(
-        plan.system,
-        plan.cost(),
-        initial=(result.x, result.u),
-        max_iterations=_LAST_ITERATIONS,
-        **_options(plan, kinds, _WITHOUT_MOTORS),
-    )
-
-
-def driven(plan: TrackingPlan, q: Array, tensions: Array) -> tuple[Array, Array]:
+def driven(plan: TrackingPlan, q: Array, tensions: Array) -> Curve:
     """Return a motion q (N+1, nq) from rest with the motors that make it: behind the tensions among the inputs.
 
     Of two configurations each step of the midpoint rule says with which momenta it begins and ends; both are linear in

@@ -19,14 +19,12 @@ from typing import Final
 import numpy as np
 
 from leastaction.errors import ArgumentError, ProjectionError
-from leastaction.io import Motion
 from leastaction.numerics import Array, smooth_rise
 from leastaction.optimal import OptimizationResult
-from leastaction_marionette.tracking.checkpoints import Checkpoints
-from leastaction_marionette.tracking.found import CUT_SHORT, Effort, FollowedParts, TrackingSearch
-from leastaction_marionette.tracking.problem import TrackingProblem
-from leastaction_marionette.tracking.tracker import Curve, Tracker
-from leastaction_marionette.tracking.weights import GENTLE
+from leastaction_marionette.tracking.found import CUT_SHORT, Effort, TrackingSearch
+from leastaction_marionette.tracking.limits import FIRST_KINDS
+from leastaction_marionette.tracking.plan import Curve
+from leastaction_marionette.tracking.tracker import Checkpoints, Tracker
 from leastaction_marionette.turns import unit
 
 LONG: Final = 30.0
@@ -50,42 +48,54 @@ def parts_of(t: Array) -> list[tuple[int, int]]:
     return [(start, after + overlap) for start, after in pairwise(starts)]
 
 
-def found_in_parts(tracker: Tracker, follow: Follow, begun: TrackingSearch | None) -> tuple[Tracker, Curve | None]:
-    """Return a tracker, and a curve that is nearly a trajectory of its plan; None where it is followed as a whole.
+def found_in_parts(tracker: Tracker, follow: Follow, begun: TrackingSearch | None) -> Tracker | None:
+    """Return a tracker that starts from a curve which is nearly a trajectory; None where it is followed as a whole.
 
     So it is if the motion is short, or where a part leads nowhere. ``follow``: finds what a tracker of a part is after.
     ``begun``: a search that was cut short after some parts. Raises `KeyboardInterrupt` where Ctrl-C ends one.
     """
-    parts = parts_of(tracker.motion.t)
+    parts, t = parts_of(tracker.motion.t), tracker.motion.t
     if len(parts) < 2:
-        return tracker, None
-    found = None if begun is None or begun.parts is None else (begun.parts.x, begun.parts.u)
+        return None
+    found = None if begun is None else (begun.result.x, begun.result.u)
     for number, (start, stop) in enumerate(parts, start=1):
         if found is not None and len(found[1]) >= stop:
             continue
-        first, last = (float(tracker.motion.t[k]) for k in (start, stop))
-        tracker.say(f"part {number} of {len(parts)}, from {first:.4g} to {last:.4g} s:")
+        tracker.say(f"part {number} of {len(parts)}, from {t[start]:.4g} to {t[stop]:.4g} s:")
+        motion = replace(tracker.motion, t=t[start : stop + 1] - t[start], q=tracker.motion.q[start : stop + 1])
+        part = replace(
+            tracker,
+            motion=motion,
+            callback=None,
+            kept=Checkpoints(None, np.inf),
+            left=_ITERATIONS,
+            effort=Effort(),
+            kinds=FIRST_KINDS,
+        )
         try:
-            part, result = follow(_tracker_of(tracker, start, stop))
+            part, result = follow(part.planned())
         except (ArgumentError, ProjectionError) as error:
             tracker.say(f"it cannot be followed by itself: {error}")
-            return tracker, None
+            return None
         if result.status in CUT_SHORT:
             raise KeyboardInterrupt
-        tracker = replace(
-            tracker,
-            effort=replace(
-                tracker.effort,
-                optimisations=tracker.effort.optimisations + part.effort.optimisations,
-                iterations=tracker.effort.iterations + part.effort.iterations,
-            ),
-            kinds=tracker.kinds | part.kinds,
+        before, after = tracker.effort, part.effort
+        effort = replace(
+            before,
+            optimisations=before.optimisations + after.optimisations,
+            iterations=before.iterations + after.iterations,
         )
-        found = (result.x, result.u) if found is None else joined(found, (result.x, result.u), start)
-        assert part.plan is not None
-        found = unit(part.plan.mechanism.coordinates, found[0]), found[1]
-        _keep(tracker, result, found)
-    return tracker, found
+        tracker = replace(tracker, effort=effort, kinds=tracker.kinds | part.kinds)
+        x, u = (result.x, result.u) if found is None else joined(found, (result.x, result.u), start)
+        found = unit(tracker.plan.mechanism.coordinates, x), u
+        none = np.zeros((len(u), u.shape[1], tracker.plan.system.ndx))
+        done = replace(result, x=found[0], u=u, K=none, projection_gain=none, limits=None, state=None)
+        search = replace(tracker.as_search(done, counted=True), parts=True)
+        tracker.kept(lambda search=search: search, at_once=True)
+    assert found is not None
+    tracker.say("the parts are joined")
+    kinds = tracker.kinds | FIRST_KINDS | tracker.plan.broken(found[0])
+    return replace(tracker, start=found, shooting="multiple", kinds=kinds)
 
 
 def joined(before: Curve, after: Curve, start: int) -> Curve:
@@ -100,41 +110,3 @@ def joined(before: Curve, after: Curve, start: int) -> Curve:
         return np.concatenate([one[:start], there + share[:n] * (other[:n] - there), other[n:]])
 
     return passed_over(x, x_after), passed_over(u, u_after)
-
-
-def _tracker_of(whole: Tracker, start: int, stop: int) -> Tracker:
-    """Return one that follows a part of a motion from its beginning; it tells what it does, and keeps nothing."""
-    motion = _part_of(whole.motion, start, stop)
-    return replace(
-        whole,
-        motion=motion,
-        problem=TrackingProblem(whole.mechanism, motion, whole.weights or GENTLE, whole.threads, whole.follow),
-        callback=None,
-        kept=Checkpoints(None, np.inf),
-        left=_ITERATIONS,
-        plan=None,
-        effort=Effort(),
-        kinds=frozenset(),
-    )
-
-
-def _part_of(motion: Motion, start: int, stop: int) -> Motion:
-    t = motion.t[start : stop + 1]
-    return replace(motion, t=t - t[0], q=motion.q[start : stop + 1])
-
-
-def _keep(tracker: Tracker, result: OptimizationResult, found: Curve) -> None:
-    """Keep the parts that are followed."""
-    tracker.kept(
-        lambda: TrackingSearch(
-            mechanism=tracker.mechanism,
-            motion=tracker.motion,
-            stage=0,
-            result=result,
-            follow=tracker.follow,
-            effort=tracker.effort,
-            kinds=tracker.kinds,
-            parts=FollowedParts(x=found[0], u=found[1]),
-        ),
-        at_once=True,
-    )

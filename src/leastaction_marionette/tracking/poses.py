@@ -116,14 +116,15 @@ class PoseSearch:
     def markers_off(self, pose: Array, k: int | None) -> tuple[float, Array]:
         """Return what it costs that markers are not where instant k wants them, and its slope (nv + strings,)."""
         value, slope, problem = 0.0, np.zeros(len(self.scale)), self.plan.problem
+        weight, nv = problem.weights.marker, self.mechanism.nv
         if problem.follow == "joints" or problem.markers is None:
             return value, slope
         q = np.ascontiguousarray(pose[: self.mechanism.nq])
         markers = self._of(problem.markers, k)
         for i, frame in enumerate(LIMB_MARKERS.values(), start=1):
             apart = self.mechanism.frame_pose(q, frame)[:3, 3] - markers[i]
-            value += 0.5 * self.plan.weights.marker * float(apart @ apart)
-            slope[: self.mechanism.nv] += self.plan.weights.marker * apart @ self.mechanism.frame_jacobian(q, frame)[:3]
+            value += 0.5 * weight * float(apart @ apart)
+            slope[:nv] += weight * apart @ self.mechanism.frame_jacobian(q, frame)[:3]
         return value, slope
 
     def nearest(self, k: int | None, start: Array) -> tuple[float, Array]:
@@ -228,7 +229,7 @@ def held_still(plan: TrackingPlan, near: OptimizationResult) -> OptimizationResu
             found.append(at_rest(plan, start, k=k))
     if not found:
         raise ArgumentError(_NO_REST)
-    apart = plan.untied_cost()
+    apart = plan.cost(tied=False)
     x, u = min(found, key=lambda still: apart.value(*still))
     none = np.zeros_like(near.K)
     return replace(

@@ -1,8 +1,10 @@
-"""The tracking problem of one motion: reference states, systems, costs, and first trajectories."""
+"""What is asked of the puppet: the motion to be followed as its reference, by lengths, and what is worth how much."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -27,7 +29,7 @@ from leastaction.systems import MidpointSystem, PlaceCost
 from leastaction_marionette.choices import Follow
 from leastaction_marionette.markers import LIMB_MARKERS, places_of, wanted_markers
 from leastaction_marionette.tracking.cost import TrackingCost
-from leastaction_marionette.tracking.limits import pelvis_of
+from leastaction_marionette.tracking.limits import PuppetLimits, pelvis_of
 from leastaction_marionette.tracking.weights import TrackingWeights
 from leastaction_marionette.turns import body_of, differences, rates_along, unit
 
@@ -44,12 +46,6 @@ _LEVER = 0.3  # m, about half a bar's size: a turn costs what it moves a bar's e
 def unheld(mechanism: Mechanism) -> tuple[str, ...]:
     """Return the joints behind which no string is tied: with a string at each foot there is none."""
     return () if set_of(mechanism) in (8, 9, 11) else UNHELD
-
-
-def levers(mechanism: Mechanism) -> Array:
-    """Return by which lever (nrho,) each kinematic variable counts: 1, or that of a bar where it is its turn (m)."""
-    angles = ends_of(mechanism).angles
-    return np.array([_LEVER if name in angles else 1.0 for name in mechanism.kinematic])
 
 
 def below_strings(mechanism: Mechanism, motion: Motion) -> tuple[Motion, float]:
@@ -69,26 +65,57 @@ def below_strings(mechanism: Mechanism, motion: Motion) -> tuple[Motion, float]:
 
 
 class TrackingProblem:
-    """The tracking problem of one motion."""
+    """A motion to be followed, by the puppet on strings of prescribed lengths.
+
+    Attributes: ``reference`` (N+1, nq), the wanted configurations with strings that go with the body's; ``pelvis``
+    (N+1, 3) of them, as `pelvis_of` says; ``markers`` (N+1, 6, 3), where they are wanted, or None; ``tension`` at rest
+    where the motion starts, as impulses (nc,) of a step.
+    """
 
     def __init__(
         self,
         mechanism: Mechanism,
         motion: Motion,
         weights: TrackingWeights,
-        threads: int,
+        limits: PuppetLimits,
+        *,
         follow: Follow = "joints",
+        threads: int = 0,
     ) -> None:
-        self.mechanism, self.weights, self.threads, self.follow = mechanism, weights, threads, follow
-        self.t = motion.t
-        self.body = body_columns(mechanism, motion)
+        self.mechanism, self.weights, self.limits = mechanism, weights, limits
+        self.follow, self.threads, self.t = follow, threads, motion.t
         self.dt = float(self.t[1] - self.t[0])
-        self.integrator = MidpointVI(mechanism, threads=threads)
-        self.system = MidpointSystem(self.integrator, self.t, multipliers=True)
-        self._refer()
+        q = np.zeros((len(self.t), mechanism.nq))
+        q[:, : mechanism.first_rho] = body_columns(mechanism, motion)
+        self.reference = hang_strings(mechanism, q)
+        self.pelvis = pelvis_of(mechanism, self.reference)
         self.markers = wanted_markers(motion)
         if self.markers is None and follow == "markers":
             self.markers = places_of(mechanism, self.reference)
+
+    @cached_property
+    def system(self) -> MidpointSystem:
+        """The puppet by lengths."""
+        return MidpointSystem(MidpointVI(self.mechanism, threads=self.threads), self.t, multipliers=True)
+
+    @cached_property
+    def x_reference(self) -> Array:
+        """The wanted states (N+1, nx) by lengths: at rest to begin with, all along with the tensions at rest."""
+        m = self.mechanism
+        x = self.system.states_along(
+            self.reference, to_momentum(m, self.reference, rates_along(m, self.reference, self.t))
+        )
+        x[0, m.nq : m.nx] = 0.0
+        # Statics: gravity is carried by the constraints as well as they can, with the least forces.
+        columns = -m.constraint_jacobian(self.reference[0])[:, : m.nd].T / self.dt
+        x[:, m.nx :] = np.linalg.lstsq(columns, self.weight, rcond=1e-6)[0]
+        return x
+
+    @property
+    def weight(self) -> Array:
+        """What gravity pulls each variable of the body by (nd,) where the motion starts, negative downwards."""
+        m = self.mechanism
+        return np.asarray(-m.core.gradient(self.reference[0], np.zeros(m.nv))[0][: m.nd])
 
     def hang(self) -> tuple[Array, Array] | None:
         """Return what the puppet does under hanging strings, or None where that is no good start, as for bars."""
@@ -100,16 +127,51 @@ class TrackingProblem:
         run = system.rollout(x[0], x, self.reference[1:, m.first_rho :], held, 0, system.N)
         if not run.complete:
             return None
-        q = np.ascontiguousarray(run.x[:, : m.nq])
-        rms = np.sqrt(np.mean(differences(m, q, self.reference)[:, : m.nd] ** 2, axis=0))
+        rms = np.sqrt(np.mean(differences(m, run.x[:, : m.nq], self.reference)[:, : m.nd] ** 2, axis=0))
         far = [
             error > (_GOOD_START_DISTANCE if name in ROOT else _GOOD_START_ANGLE)
             for name, error in zip(m.dynamic, rms, strict=True)
             if name not in unheld(m)
         ]
-        if any(far):
-            return None
-        return run.x, run.u
+        return None if any(far) else (run.x, run.u)
+
+    def cost(self) -> TrackingCost:
+        """Return the cost by lengths of what is quadratic."""
+        # lam is an impulse for |p1 - p2|^2 - L^2: a newton of tension is dt / (2 L) of it.
+        lengths = string_lengths(self.mechanism, self.reference[0])
+        pull = self.weights.tension * (2.0 * lengths / self.dt) ** 2
+        u = self.reference[1:, self.mechanism.first_rho :]
+        return self.tracking_cost(self.system, self.x_reference, u, multipliers=pull)
+
+    def tracking_cost(
+        self,
+        system: MidpointSystem,
+        x_reference: Array,
+        u_reference: Array,
+        *,
+        inputs: Sequence[float] = (),
+        multipliers: Array | tuple[()] = (),
+    ) -> TrackingCost:
+        """Return what is quadratic of the cost of the puppet, by lengths or by tensions.
+
+        ``inputs``, ``multipliers``: weights of the inputs before the next places, and of the states behind the others.
+        """
+        m, w, free = system.mechanism, self.weights, unheld(self.mechanism)
+        inertia = np.diag(m.mass_matrix(x_reference[0, : m.nq]))[: m.nd]
+        rate = w.rate * np.array([w.unheld if n in free else 1.0 for n in m.dynamic]) / inertia**2
+        # The pelvis is a marker whose place is in variables.
+        root, share = (w.root, 1.0) if self.follow == "joints" else (w.marker, w.posture)
+        body = [root if n in ROOT else share * (w.unheld if n in free else w.joint) for n in m.dynamic]
+        turns = ends_of(m).angles
+        squares = np.array([_LEVER if name in turns else 1.0 for name in m.kinematic]) ** 2
+        return TrackingCost(
+            x_reference,
+            u_reference,
+            Q=np.concatenate([body, squares * w.string, rate, np.zeros(m.nrho), multipliers]),
+            R=np.concatenate([inputs, squares * (0.01 * w.string)]),
+            system=system,
+            acceleration=squares * w.string_acceleration,
+        )
 
     def with_markers(self, cost: TrackingCost, system: MidpointSystem) -> Cost:
         """Return a tracking cost of a system with the price of where the markers are, if they are followed."""
@@ -117,63 +179,6 @@ class TrackingProblem:
             return cost
         places = {frame: self.markers[:, i] for i, frame in enumerate(LIMB_MARKERS.values(), start=1)}
         return PlaceCost(cost, system, places, dict.fromkeys(places, self.weights.marker))
-
-    def body_weights(self, weights: TrackingWeights) -> Array:
-        """Return the weights (nd,) of the body's variables."""
-        free, w = unheld(self.mechanism), weights
-        # The pelvis is a marker whose place is in variables.
-        root, share = (w.root, 1.0) if self.follow == "joints" else (w.marker, w.posture)
-        return np.array(
-            [
-                root if name in ROOT else share * (w.unheld if name in free else w.joint)
-                for name in self.mechanism.dynamic
-            ]
-        )
-
-    def cost(self, tension: float) -> Cost:
-        """Return the cost at a price of tension."""
-        m, w = self.mechanism, self.weights
-        inertia = np.diag(m.mass_matrix(self.reference[0]))[: m.nd]
-        free = unheld(m)
-        rate = w.rate * np.array([w.unheld if n in free else 1.0 for n in m.dynamic]) / inertia**2
-        # lam is an impulse for |p1 - p2|^2 - L^2: a newton of tension is dt / (2 L) of it.
-        pull = tension * (2.0 * string_lengths(m, self.reference[0]) / self.dt) ** 2
-        squares = levers(m) ** 2
-        Q = np.concatenate([self.body_weights(w), squares * w.string, rate, np.zeros(m.nrho), pull])
-        R = squares * (0.01 * w.string)
-        u_reference = self.reference[1:, m.first_rho :]
-        cost = TrackingCost(
-            self.x_reference,
-            u_reference,
-            Q=Q,
-            R=R,
-            system=self.system,
-            acceleration=squares * w.string_acceleration,
-        )
-        return self.with_markers(cost, self.system)
-
-    def _refer(self) -> None:
-        """Set the reference configurations and states, with strings that go with the body's motion."""
-        m = self.mechanism
-        q = np.zeros((len(self.t), m.nq))
-        q[:, : m.first_rho] = self.body
-        self.reference = hang_strings(m, q)
-        self.pelvis = pelvis_of(m, self.reference)
-        p = to_momentum(m, self.reference, rates_along(m, self.reference, self.t))
-        x = self.system.states_along(self.reference, p)
-        # At rest to begin with.
-        x[0, m.nq : m.nx] = 0.0
-        x[:, m.nx :] = self._tension_at_rest()
-        self.x_reference = x
-
-    def _tension_at_rest(self) -> Array:
-        """Return the multipliers (nc,) with which the strings carry the puppet as it hangs at the start."""
-        m = self.mechanism
-        q = hang_strings(m, self.reference[0])
-        weight = -m.core.gradient(q, np.zeros(m.nv))[0][: m.nd]
-        # Statics: gravity is carried by the constraints as well as they can, with the least forces.
-        columns = -m.constraint_jacobian(q)[:, : m.nd].T / self.dt
-        return np.asarray(np.linalg.lstsq(columns, weight, rcond=1e-6)[0])
 
 
 def body_columns(mechanism: Mechanism, motion: Motion) -> Array:

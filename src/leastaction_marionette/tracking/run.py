@@ -1,42 +1,50 @@
 """The main job: a marionette learns to follow a reference motion.
 
-The reference gives the body's variables only. `track` guesses the strings that go with it, finds a first
-trajectory that the puppet can make, and improves it with `leastaction.optimize`.
+The reference gives the body's variables only. `track` guesses the strings that go with it, finds a first trajectory
+that the puppet can make, and improves it with `leastaction.optimize`, by tensions (`plan.py`).
 
-The first trajectory is what the puppet does when its strings simply hang above the hooks of the reference.
-Where that goes wrong, because the motion is fast or the strings lose their grip on a stretched limb, the motion is
-planned by tensions (`Plan`): every joint gets a motor, with which any motion can be followed (*dynamic embedding*,
-dissertation 6.6.1); the motors are made ever more expensive until they do nothing, and are then taken away.
+The first trajectory is what the puppet does when its strings simply hang above the hooks of the reference. Where that
+goes wrong, because the motion is fast or the strings lose their grip on a stretched limb, every joint gets a motor,
+with which any motion can be followed (*dynamic embedding*, dissertation 6.6.1); the motors are made ever more expensive
+until they do nothing, and are then taken away.
 
 Limits hold all along: strings pull, hinges do not overstretch, the strings' upper ends stay within reach and move as
 fast as `PuppetLimits` says. What cannot be followed within them is followed as well as they allow.
 
-Strings that are tied to bars may vary in length at first, and are tied ever more firmly (`ties.py`).
+Strings that are tied to bars may vary in length at first, and are tied ever more firmly (`tying.py`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
+import numpy as np
+
+from leastaction.errors import ProjectionError
 from leastaction.io import Motion
 from leastaction.mechanics import Mechanism
-from leastaction.optimal import Callback, Method, OptimizationResult, Status
+from leastaction.models.marionette import tie_strings
+from leastaction.optimal import Callback, Method, OptimizationResult
 from leastaction_marionette.choices import Follow
 from leastaction_marionette.tracking import tying
-from leastaction_marionette.tracking.beginning import begun
-from leastaction_marionette.tracking.by_lengths import by_tensions
-from leastaction_marionette.tracking.checkpoints import Checkpoints
-from leastaction_marionette.tracking.found import TrackingRun, TrackingSearch
-from leastaction_marionette.tracking.limits import PuppetLimits
+from leastaction_marionette.tracking.found import CUT_SHORT, Effort, TrackingRun, TrackingSearch
+from leastaction_marionette.tracking.limits import FIRST_KINDS, KINDS, PuppetLimits
+from leastaction_marionette.tracking.motors import search
+from leastaction_marionette.tracking.parts import found_in_parts
+from leastaction_marionette.tracking.plan import Curve, TrackingPlan
 from leastaction_marionette.tracking.problem import TrackingProblem, below_strings
-from leastaction_marionette.tracking.settle import NotTiedError
-from leastaction_marionette.tracking.ties import FIRM
-from leastaction_marionette.tracking.tracker import Tracker
+from leastaction_marionette.tracking.stage import optimize
+from leastaction_marionette.tracking.tracker import Checkpoints, Tracker, improved
 from leastaction_marionette.tracking.weights import GENTLE, TrackingWeights
 
-_NONE_NEAR: Final = "strings on bars: no motion in which all of them pull is near to what was found"
+PATIENCE: Final = 100
+"""Iterations of a puppet that began hanging; then a first trajectory is sought with motors."""
+
+_LOST: Final = 2.0  # share of the cost with longer steps that a motion costs with its own where feedback has lost it
+_OFF: Final = 0.02  # of the mean tension at rest, by which hanging strings keep off the limits of tensions
 
 
 def track(
@@ -66,12 +74,12 @@ def track(
     motion : Motion
         The reference: values of all body variables, equidistant in time. It need not be possible.
     weights : TrackingWeights, optional
-        What matters how much. If not given, `GENTLE` where the hanging strings give a good first
-        trajectory, else `FORCED`.
+        What matters how much. If not given, `GENTLE` where hanging strings give a good first trajectory, else `FORCED`.
     limits : PuppetLimits, optional
         What the motion keeps to; `PuppetLimits` as it is if not given, also where a run is resumed.
     planned : bool, optional
-        Plan by tensions at once; else that is done where hanging strings give no good start, or end up pushing.
+        Seek a first trajectory with motors at once; else that is done where hanging strings give none that is good, or
+        one from which no minimum is found.
     follow : {"joints", "markers"}, optional
         Follow the angles of the joints, or the places of head, hands, feet and pelvis: where the motion says that they
         are (`load_motion` with ``markers=True``), else where they would be if the joints did what is wanted. How
@@ -108,12 +116,13 @@ def track(
     motion, lowered = below_strings(mechanism, motion)
     if lowered > 0.0:
         say(f"the motion rises above the plane of the strings: lowered there, by up to {lowered:.2g} m")
+    limits = limits or PuppetLimits()
+    problem = TrackingProblem(mechanism, motion, weights or GENTLE, limits, follow=follow, threads=threads)
     tracker = Tracker(
         mechanism=mechanism,
         motion=motion,
-        problem=TrackingProblem(mechanism, motion, weights or GENTLE, threads, follow),
         weights=weights,
-        limits=limits or PuppetLimits(),
+        limits=limits,
         follow=follow,
         method=method,
         tolerance=tolerance,
@@ -122,67 +131,106 @@ def track(
         kept=Checkpoints(checkpoint, checkpoint_seconds),
         threads=threads,
         left=max_iterations,
+        plan=TrackingPlan(problem),
     )
-    tracker, search = begun(tracker, resume, planned=planned)
-    earlier = resume.plan if isinstance(resume, TrackingRun) else None
-    tracker, result = tying.tied(tracker, search, earlier=earlier)
-    tracker, run = _ended(tracker, result)
-    if not _must_be_planned(tracker, run):
-        return _with_strings_that_pull(tracker, run)
-    creeps = _creeps(tracker, run)
-    why = "a hanging puppet finds no way" if creeps else "hanging strings end up pushing"
-    tracker.say(f"{why}: the motion is planned by tensions")
-    # With what is left of the iterations where it crept.
-    again = replace(tracker, left=tracker.left if creeps else max_iterations, earlier=None, kinds=frozenset())
-    return _ended(*tying.tied(*begun(again, None, planned=True)))[1]
+    if resume is not None:
+        return _gone_on(tracker, resume)
+    start = None if planned else _hanging(tracker.plan)
+    return _sought(tracker) if start is None else _from_hanging(replace(tracker, start=start, hangs=True), PATIENCE)
 
 
-def _ended(tracker: Tracker, result: OptimizationResult) -> tuple[Tracker, TrackingRun]:
-    """Return the run that a result is; of a plan, with strings that pull wherever it ended."""
-    if tracker.plan is not None:
-        if tracker.ties is not None and tracker.varies and tracker.ties.weight < FIRM[0]:
-            tracker = tying.with_lengths_of(tracker, result)
-        assert tracker.plan is not None
-        result = tracker.plan.pulling(result)
+def _gone_on(tracker: Tracker, found: TrackingRun | TrackingSearch) -> TrackingRun:
+    """Return what is found from where an earlier run was, or a search."""
+    is_run = isinstance(found, TrackingRun)
+    hangs = is_run and not found.embedded
+    earlier = found.plan if is_run else found.result
+    tracker = replace(tracker, kinds=found.kinds, effort=found.effort, earlier=earlier).planned(hangs=hangs)
+    if hangs:
+        return _from_hanging(tracker, PATIENCE - earlier.iterations)
+    if not is_run and found.firmness is None:
+        return _sought(replace(tracker, earlier=None), found)
+    if is_run and earlier.limits is None:  # a puppet that is held still: no search has known any
+        tracker = replace(tracker, start=earlier, earlier=None)
+    if tracker.ties is not None or not is_run:
+        return tying.gone_on(tracker, found)
+    tracker, result = improved(tracker)
+    return tracker.ended(result)
+
+
+def _hanging(plan: TrackingPlan) -> Curve | None:
+    """Return what the puppet does under hanging strings that pull, or None where that is no good start."""
+    hung = plan.problem.hang()
+    if hung is None:
+        return None
+    x, u = plan.by_tensions(*hung)
+    strings = len(plan.strings)
+    u[:, :strings] = np.clip(u[:, :strings], *plan.tensions_inside(_OFF))
+    return x, u
+
+
+def _from_hanging(tracker: Tracker, patience: int) -> TrackingRun:
+    """Return what is found from hanging strings in some iterations, or else with motors in what is left of them."""
+    most = min(tracker.left, max(patience, 1))
+    ended, result = improved(replace(tracker, left=most))
+    left = tracker.left - (most - ended.left)
+    if result.success or result.status in CUT_SHORT or left < 1:
+        return ended.ended(result)
+    tracker.say("a hanging puppet finds no way: a first trajectory is sought with motors")
+    return _sought(replace(tracker, left=left, start=None, earlier=None, kinds=FIRST_KINDS, effort=ended.effort))
+
+
+def _sought(tracker: Tracker, begun: TrackingSearch | None = None) -> TrackingRun:
+    """Return what is found from a first trajectory that is sought; ``begun``: a search that was cut short."""
+    if begun is None:
+        tied = tie_strings(tracker.mechanism, tracker.plan.problem.reference)
+        tracker = replace(tracker, mechanism=tied).planned()
+    with_motors = partial(_with_motors, begun=None if begun is None or begun.parts else begun)
+    if tracker.ties is not None:
+        return tying.followed_on_bars(tracker, with_motors, begun=begun is not None)
+    first = found_in_parts(tracker, _followed, begun) if begun is None or begun.parts else None
+    tracker, result = improved(first or with_motors(tracker))
+    return tracker.ended(result)
+
+
+def _followed(part: Tracker) -> tuple[Tracker, OptimizationResult]:
+    """Return what is found of a part of a motion."""
+    return improved(_with_motors(part))
+
+
+def _with_motors(tracker: Tracker, *, begun: TrackingSearch | None = None) -> Tracker:
+    """Return a tracker with what motors on all joints lead to, or where a search with them was."""
+    plan = tracker.plan
+    stage, before = (0, None) if begun is None else (begun.stage, begun.result)
+    # A search that had to take the plan's own steps goes on with them.
+    own = before is not None and len(before.u) == plan.system.N
+    coarse = tracker if own else tracker.with_longer_steps()
+
+    def keep(stage: int, found: OptimizationResult, effort: Effort, at_once: bool) -> None:
+        so_far = replace(tracker, effort=effort)
+        tracker.kept(lambda: so_far.as_search(found, counted=True, stage=stage), at_once=at_once)
+
+    x, u, effort = search(
+        coarse.plan, tracker.say, stage=stage, result=before, effort=tracker.effort, scale=coarse.scale, keep=keep
+    )
+    if tracker.ties is not None:
+        if coarse.slow is not None:  # what is still to be tied is not worth short steps
+            tracker.say(f"strings on bars are tied with steps of {coarse.plan.dt:.3g} s at first")
+        # What leads to strings that are tied had better lead to where they can be.
+        return replace(coarse, start=(x, u), effort=effort, kinds=frozenset(KINDS))
+    tracker, start, followed = replace(tracker, effort=effort), (x, u), True
+    if coarse.slow is not None:
+        fine, expected = plan.finer(coarse.plan, x, u), coarse.plan.cost().value(x, u) * coarse.scale
+        start = plan.inside(*fine, expected)
+        # What feedback cannot follow is begun with gaps between its steps.
+        followed = start[0] is not fine[0] or _is_followed(plan, start, _LOST * expected)
+    kinds = FIRST_KINDS | plan.broken(start[0])
+    return replace(tracker, start=start, shooting="single" if followed else "multiple", kinds=kinds)
+
+
+def _is_followed(plan: TrackingPlan, start: Curve, most: float) -> bool:
+    """Whether feedback can follow a curve, to a motion that costs no more than that."""
     try:
-        run = tracker.run_of(result)
-        return tracker, tying.or_still(tracker, run) if tracker.ties is not None and not result.success else run
-    except NotTiedError as error:
-        if result.status is Status.INTERRUPTED:  # what is kept is worth more than a puppet held still
-            raise KeyboardInterrupt from error
-        if not tracker.began_still and tracker.left > 0:
-            tracker.say(f"{_NONE_NEAR}: it begins with a puppet that is held still")
-            tracker, again = tying.from_still(tracker, result, tracker.left)
-            if again is not None:
-                return _ended(tracker, again)
-        tracker.say(f"{error}: it is held still")
-        tracker, still = tying.held(tracker, result)
-        return tracker, tracker.run_of(still)
-    except KeyboardInterrupt:  # too late to stop anything, and no reason to lose what there is
-        return tracker, tracker.run_of(result)
-
-
-def _must_be_planned(tracker: Tracker, run: TrackingRun) -> bool:
-    """Whether hanging strings found no way, or ended up pushing, with time to plan by tensions."""
-    if tracker.plan is not None or _cut_short(tracker, run):
+        found = optimize(plan.system, plan.cost(), initial=start, shooting="single", max_iterations=0)
+    except ProjectionError:
         return False
-    return _creeps(tracker, run) or run.tension.min() < 0.0
-
-
-def _creeps(tracker: Tracker, run: TrackingRun) -> bool:
-    return not run.result.success and not run.ended_early and tracker.left > 0
-
-
-def _cut_short(tracker: Tracker, run: TrackingRun) -> bool:
-    """Whether a hanging puppet's run ended before its strings were told to pull."""
-    return tracker.plan is None and run.tension.min() < 0.0 and (run.ended_early or tracker.left < 1)
-
-
-def _with_strings_that_pull(tracker: Tracker, run: TrackingRun) -> TrackingRun:
-    """Return a run, or a motion near it in which strings pull where it was cut short before they were told to."""
-    if not _cut_short(tracker, run):
-        return run
-    tracker = tracker.planned()
-    assert tracker.plan is not None
-    tensions = by_tensions(tracker.plan, run.trajectory, run.tension, run.result)
-    return replace(tracker.run_of(tracker.plan.pulling(tensions)), unfinished=run.result)
+    return found.cost <= most

@@ -64,7 +64,7 @@ def open(  # noqa: A001 - `leastaction.open` is what it is called by
     dataset = read(source)
     opened = _OPENED.get(dataset.kind)
     if opened is None:
-        is_marionette = dataset.kind.startswith("Marionette")
+        is_marionette = dataset.kind.startswith(("Marionette", "Tracking"))
         advice = "leastaction_marionette.load_run reads it" if is_marionette else "Give another file"
         raise ResultFileError(f"{source} holds a {dataset.kind}, expected one of {', '.join(_OPENED)}. {advice}")
     found: Opened = opened(source, dataset, mechanism)

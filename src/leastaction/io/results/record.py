@@ -52,7 +52,8 @@ def save_record(
     path : path
         The file, by custom with the ending ``.npz``. The name is used as given.
     content : dataclass
-        Of arrays, numbers, texts, enums, lists, mappings, and dataclasses of these. A field whose metadata say
+        Of arrays, numbers, texts, enums, lists, sets of texts, mappings, mechanisms, and dataclasses of these. A field
+        whose metadata say
         ``"recorded": False`` is left out, and has its default when the file is read.
     provenance : Provenance, optional
         Now, if not given.

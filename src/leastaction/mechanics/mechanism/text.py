@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from leastaction.errors import ModelFileError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
+from leastaction.numerics.dataset.plain import said_by_text
 
 
 def text_of(mechanism: Mechanism) -> str | None:
@@ -26,3 +27,6 @@ def mechanism_of(text: str) -> Mechanism:
     from leastaction.numerics.documents.document import document_of
 
     return Mechanism._of(plan_of(document_of(text, "json", title="the mechanism in it")))
+
+
+said_by_text(Mechanism, text_of, mechanism_of)

@@ -1,14 +1,14 @@
 """Dataclasses as plain data and arrays, and back again.
 
 The arrays of a dataclass, and of those in it, are kept under their dotted names, such as ``history.cost``; the rest is
-what JSON can hold. On the way back msgspec holds it to the types of the dataclass. A field whose metadata say
-``"recorded": False`` is left out; ``"earlier": (name, function)`` says under which name older files have it, and what
+what JSON can hold. On the way back msgspec holds it to the types of the dataclass. Of a class that registers itself by
+`said_by_text` a text stands for the object. A field whose metadata say ``"recorded": False`` is left out; ``"earlier": (name, function)`` says under which name older files have it, and what
 makes what it is now of that.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from math import isfinite
@@ -20,13 +20,22 @@ from numpy.typing import ArrayLike, NDArray
 
 T = TypeVar("T")
 
+_TEXTS: dict[type, tuple[Callable[[Any], str | None], Callable[[str], Any]]] = {}
+
 _SEPARATORS = (("%", "%25"), (".", "%2E"), ("/", "%2F"))  # of dotted names, and of paths in files of groups
+
+
+def said_by_text(kind: type, text_of: Callable[[Any], str | None], of_text: Callable[[str], Any]) -> None:
+    """Let a text stand for objects of a class, where they are in dataclasses; None for what no text says."""
+    _TEXTS[kind] = text_of, of_text
 
 
 def plain(value: Any, arrays: dict[str, ArrayLike], name: str = "") -> Any:
     """Return a value as JSON can hold it; its arrays, and numbers that JSON does not know, go to `arrays`."""
     if isinstance(value, np.generic):
         value = value.item()
+    if type(value) in _TEXTS:
+        return _TEXTS[type(value)][0](value)
     if isinstance(value, np.ndarray) or (isinstance(value, float) and not isfinite(value)):
         arrays[name] = value
         return None
@@ -35,7 +44,8 @@ def plain(value: Any, arrays: dict[str, ArrayLike], name: str = "") -> Any:
         return {each: plain(getattr(value, each), arrays, f"{prefix}{each}") for each in recorded(type(value))}
     if isinstance(value, Mapping):
         return {_escaped(key): plain(v, arrays, f"{prefix}{_escaped(key)}") for key, v in value.items()}
-    if isinstance(value, (list, tuple)):
+    if isinstance(value, (list, tuple, frozenset)):
+        value = sorted(value) if isinstance(value, frozenset) else value
         return [plain(v, arrays, f"{name}.{i}") for i, v in enumerate(value)]
     return value.name if isinstance(value, Enum) else value
 
@@ -71,7 +81,7 @@ def _converted(kind: Any, content: Any) -> Any:
     # As a value of a mapping, so that the kind itself may be an enum, or a union.
     holder = {"value": content}
     _name_members({"value": kind}.items(), holder)
-    return msgspec.convert(holder["value"], kind, dec_hook=_checked_array)
+    return msgspec.convert(holder["value"], kind, dec_hook=_checked)
 
 
 def _escaped(key: Any) -> Any:
@@ -131,8 +141,12 @@ def _renew(kind: Any, content: Any) -> None:
             content[field.name] = made_of(content.pop(name))
 
 
-def _checked_array(kind: Any, value: Any) -> NDArray[Any]:
-    """Return an array if it is of the type that the field asks for."""
+def _checked(kind: Any, value: Any) -> Any:
+    """Return an array if it is of the type that the field asks for, or the object that a text stands for."""
+    if kind in _TEXTS:
+        if not isinstance(value, str):
+            raise ValueError(f"the text of a {kind.__name__} is missing")
+        return _TEXTS[kind][1](value)
     if not isinstance(value, np.ndarray):
         raise ValueError("an array is missing")
     (expected,) = get_args(get_args(kind)[1])
