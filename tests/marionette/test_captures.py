@@ -316,7 +316,7 @@ def test_as_fast_as_an_error_allows(tmp_path: Path, capsys: pytest.CaptureFixtur
     said = capsys.readouterr().out
     assert "Error over speed: at most 60" in said
     assert (out / "speeds.png").stat().st_size > 10_000
-    if load_run(out / "trajectory.npz").plan is not None:
+    if load_run(out / "trajectory.npz").embedded:
         assert "in poses at rest" in " ".join(said.split())
         assert (out / "resting.png").stat().st_size > 10_000
     check(out)

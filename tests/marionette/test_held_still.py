@@ -14,15 +14,13 @@ from leastaction.models.marionette import REST, marionette
 from leastaction.optimal import IterationRecord, OptimizationResult, Status
 from leastaction_marionette import FORCED, PuppetLimits, TrackingRun, load_motion, track, walk_in_place
 from leastaction_marionette.choices import Strings
-from leastaction_marionette.tracking import TrackingSearch, beginning, by_lengths, poses, tracker, tying
-from leastaction_marionette.tracking.beginning import on_one_bar
-from leastaction_marionette.tracking.pace import Pace
+from leastaction_marionette.tracking import TrackingSearch, poses, settle, tracker, tying
 from leastaction_marionette.tracking.plan import TrackingPlan
 from leastaction_marionette.tracking.poses import at_rest, held_still
 from leastaction_marionette.tracking.problem import TrackingProblem
-from leastaction_marionette.tracking.ties import FIRM, LEAST_WEIGHT, LOOSE
+from leastaction_marionette.tracking.ties import FIRM, LEAST_WEIGHT
 from leastaction_marionette.tracking.tracker import Tracker
-from leastaction_marionette.tracking.tying import _expected, _foretold
+from leastaction_marionette.tracking.tying import on_one_bar
 from marionette.motions import PUPPET, captured
 
 
@@ -36,12 +34,11 @@ def test_a_puppet_that_is_held_still_is_near_all_that_is_wanted(monkeypatch: pyt
     q[:, arm] = np.clip(5.0 * t, 0.0, 1.0)
     motion, puppet = Motion(PUPPET.dynamic, t, q, "an arm is raised"), marionette(strings="cross+hands")
     run = track(puppet, motion)
-    assert run.plan is not None
-    plan = TrackingPlan(TrackingProblem(puppet, motion, FORCED, 1), FORCED, PuppetLimits())
+    plan = TrackingPlan(TrackingProblem(puppet, motion, FORCED, PuppetLimits(), threads=1))
     still = held_still(plan, run.plan)
     assert np.ptp(still.x, axis=0).max() == 0.0
     beginning, mean = at_rest(plan), at_rest(plan, k=None)
-    assert plan.untied_cost().value(still.x, still.u) < 0.5 * plan.untied_cost().value(*beginning)
+    assert plan.cost(tied=False).value(still.x, still.u) < 0.5 * plan.cost(tied=False).value(*beginning)
     np.testing.assert_allclose(still.x[0, arm], mean[0][0, arm], atol=1e-2)
     assert still.x[0, arm] > 0.5
     assert not still.success
@@ -61,23 +58,6 @@ def test_a_puppet_that_is_held_still_is_near_all_that_is_wanted(monkeypatch: pyt
     only()
     with pytest.raises(ArgumentError, match="all of them pull"):
         held_still(plan, run.plan)
-
-
-def test_what_strings_that_are_not_to_be_tied_cost_is_foretold() -> None:
-    assert _foretold([1.0], 6) == 1.0
-    assert _foretold([1.0, 2.0], 5) == 2.0
-    assert _foretold([1.0, 2.0, 3.5], 4) == 3.5  # hardly more than before
-    assert _foretold([1.0, 2.0, 5.5], 4) == 5.5
-    assert _foretold([1.0, 2.0, 6.5], 4) == 6.5 + 4 * 4.5
-    assert _foretold([1.0, 2.0, 6.5, 7.0], 3) == 7.0
-
-
-def test_how_far_strings_will_vary_is_foretold() -> None:
-    assert _expected([0.2, 0.2], 3) == 0.0  # lengths are still sought
-    assert _expected([0.2, 0.2, 0.1], 1) == pytest.approx(0.05)
-    assert _expected([0.2, 0.2, 0.1], 2) == pytest.approx(0.025)
-    assert _expected([0.2, 0.1, 0.12], 2) == pytest.approx(0.12)
-    assert _expected([0.01], 0) == 0.01
 
 
 def test_on_one_bar_it_begins_with_a_puppet_that_is_held_still(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -101,18 +81,18 @@ def test_where_that_leads_nowhere_it_begins_with_motors(
     if longer:
         monkeypatch.setattr(tracker, "_FEW", 10)
     weights, said, kept = _told(monkeypatch), list[str](), list[TrackingSearch]()
-    holds_still, more_firmly = tying.held, tying._more_firmly
+    holds_still, more_firmly = tying.held, tying.more_firmly
 
     def nothing_from(tracker: Tracker, near: OptimizationResult | None) -> tuple[Tracker, OptimizationResult]:
         if not held:
             raise (ProjectionError if longer else ArgumentError)("no pose")
-        monkeypatch.setattr(tying, "_more_firmly", not_tied)
+        monkeypatch.setattr(tying, "more_firmly", not_tied)
         return holds_still(tracker, near)
 
     def not_tied(
         tracker: Tracker, result: OptimizationResult, *_: Any, **__: Any
     ) -> tuple[Tracker, OptimizationResult]:
-        monkeypatch.setattr(tying, "_more_firmly", more_firmly)
+        monkeypatch.setattr(tying, "more_firmly", more_firmly)
         return tracker, replace(result, status=Status.LINE_SEARCH_FAILED, message=tying._NOT_TIED)
 
     def keep(found: TrackingRun | TrackingSearch) -> None:
@@ -121,13 +101,13 @@ def test_where_that_leads_nowhere_it_begins_with_motors(
 
     monkeypatch.setattr(tying, "held", nothing_from)
     run = track(puppet, motion, progress=said.append, checkpoint=keep, checkpoint_seconds=0.0)
-    assert said[1] == "no motion is found from there: it is sought with motors"
+    assert next(line for line in said[1:] if "tied more firmly" not in line).endswith(": it is sought with motors")
     assert run.result.success
     assert run.tension.min() >= 0.5
     assert weights[0] == (25 if longer else 50, LEAST_WEIGHT)
-    monkeypatch.setattr(beginning, "on_one_bar", lambda _: False)
+    monkeypatch.setattr(tying, "on_one_bar", lambda _: False)
     np.testing.assert_array_equal(track(puppet, motion).result.x, run.result.x)
-    monkeypatch.setattr(beginning, "on_one_bar", on_one_bar)
+    monkeypatch.setattr(tying, "on_one_bar", on_one_bar)
     # A search that was cut short there goes on there.
     said.clear()
     search = next(each for each in kept if each.firmness is None and each.stage == 1)
@@ -166,8 +146,8 @@ def test_who_ends_a_search_on_one_bar_gets_what_was_found(monkeypatch: pytest.Mo
         tracker = replace(tracker.tied(tracker.ties.weight), left=0)
         return tracker, replace(found, status=Status.ITERATION_LIMIT)
 
-    more_firmly = tying._more_firmly
-    monkeypatch.setattr(tying, "_more_firmly", at_the_limit)
+    more_firmly = tying.more_firmly
+    monkeypatch.setattr(tying, "more_firmly", at_the_limit)
     run = track(puppet, motion, progress=said.append)
     assert run.result.status is Status.ITERATION_LIMIT
     assert run.held_error == pytest.approx(done.held_error, abs=0.3)
@@ -189,19 +169,17 @@ def test_a_search_on_one_bar_that_is_ended_far_from_any_motion_goes_on_there(
             raise KeyboardInterrupt
 
     whole = track(puppet, motion)
-    settled = by_lengths.settled
-    monkeypatch.setattr(by_lengths, "settled", lambda *_: None)
+    settled = settle.settled
+    monkeypatch.setattr(settle, "settled", lambda *_: None)
     with pytest.raises(KeyboardInterrupt):
         track(puppet, motion, callback=ended, checkpoint=kept.append, checkpoint_seconds=1e9)
     search = kept[-1]
     assert isinstance(search, TrackingSearch)
     assert search.firmness == FIRM[0]
     assert len(search.result.u) == (50 if own_steps else 25)
-    monkeypatch.setattr(by_lengths, "settled", settled)
+    monkeypatch.setattr(settle, "settled", settled)
     again = track(search.mechanism, search.motion, resume=search)
     np.testing.assert_array_equal(again.result.x, whole.result.x)
-    assert again.effort is not None
-    assert whole.effort is not None
     assert again.effort.iterations == whole.effort.iterations
 
 
@@ -219,7 +197,7 @@ def test_where_nothing_is_found_from_a_puppet_held_still_it_has_its_own_steps(mo
         raise ArgumentError("no pose")
 
     holds_still = tying.held
-    monkeypatch.setattr(tying, "_more_firmly", not_tied)
+    monkeypatch.setattr(tying, "more_firmly", not_tied)
     monkeypatch.setattr(tying, "held", no_pose)
     run = track(marionette(strings="cross+legs"), walk_in_place(0.5, 0.01))
     assert len(run.result.u) == 50
@@ -233,47 +211,20 @@ def test_where_nothing_near_a_motion_on_bars_keeps_lengths_it_begins_with_a_pupp
     fails: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Once: the pose itself is what is left."""
-    settled, calls, said = by_lengths.settled, list[int](), list[str]()
+    settled, calls, said = settle.settled, list[int](), list[str]()
 
     def none_near(*arguments: Any) -> Any:
         calls.append(len(calls))
         return None if len(calls) <= fails else settled(*arguments)
 
-    monkeypatch.setattr(by_lengths, "settled", none_near)
+    monkeypatch.setattr(settle, "settled", none_near)
     run = track(marionette(strings="cross+legs"), walk_in_place(0.5, 0.02), progress=said.append)
     assert sum("is near to what was found: it begins with a puppet that is held still" in line for line in said) == 1
     assert len(calls) == fails + 1
     assert run.tension.min() >= 0.5
-    assert run.plan is not None
     stands = bool(np.ptp(run.plan.x, axis=0).max() == 0.0)
     assert stands == any("it is held still" in line for line in said) == (fails == 2)
     assert run.result.success == (fails == 1)
-
-
-def test_optimisations_on_bars_that_lead_on_end_where_they_creep(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is to be tied most firmly does not, nor what is on no bars: their optimisations are the last."""
-    paces, weights = list[float](), list[float]()
-
-    class Paced(Pace):
-        def __init__(self, *, hardly: float = 0.0, earlier: OptimizationResult | None = None) -> None:
-            super().__init__(hardly=hardly, earlier=earlier)
-            paces.append(hardly)
-
-    whole = tracker._optimised
-
-    def optimised(it: Tracker) -> OptimizationResult:
-        weights.append(np.inf if it.ties is None else it.ties.weight)
-        return whole(it)
-
-    monkeypatch.setattr(tracker, "_optimised", optimised)
-    monkeypatch.setattr(tracker, "Pace", Paced)
-    monkeypatch.setattr(tying, "_SETTLED", 0.0)
-    motion = walk_in_place(0.5, 0.02)
-    track(marionette(strings="cross+legs"), motion)
-    track(marionette(strings=7), motion, planned=True)
-    assert {min(LOOSE), *FIRM, np.inf} <= set(weights)
-    for pace, weight in zip(paces, weights, strict=True):
-        assert pace == (0.002 if weight < FIRM[0] else 0.005 if weight < FIRM[-1] else 0.0)
 
 
 def test_which_controls_are_one_bar_for_all_strings() -> None:

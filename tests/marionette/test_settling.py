@@ -26,8 +26,7 @@ def test_settling_goes_on_near_a_motion_where_convex_models_do_not_lead_to_it(
     run: TrackingRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With all derivatives, for the same price; and from the motion that was given where that fails."""
-    assert run.plan is not None
-    problem = TrackingProblem(run.mechanism, run.motion, FORCED, 1)
+    problem = TrackingProblem(run.mechanism, run.motion, FORCED, PuppetLimits())
     begun, whole = list[tuple[str, Array]](), settle._found
     fails = 0
 
@@ -43,7 +42,7 @@ def test_settling_goes_on_near_a_motion_where_convex_models_do_not_lead_to_it(
     x, u = run.result.x, run.result.u
     for fails in (0, 1):
         begun.clear()
-        assert settle.settled(problem, PuppetLimits(), x, u) is not None
+        assert settle.settled(problem, x, u) is not None
         assert [method for method, _ in begun[: 2 + fails]] == ["quasi-newton", "auto", "auto"][: 2 + fails]
         np.testing.assert_array_equal(begun[1][1], x + 1e-5)
         if fails:
@@ -59,8 +58,8 @@ def test_settling_leaves_no_saddle_for_a_minimum(run: TrackingRun, monkeypatch: 
         return whole(*arguments, callback=callback, **options)
 
     monkeypatch.setattr(settle, "optimize", optimised)
-    problem = TrackingProblem(run.mechanism, run.motion, FORCED, 1)
-    assert settle.settled(problem, PuppetLimits(), run.result.x, run.result.u) is not None
+    problem = TrackingProblem(run.mechanism, run.motion, FORCED, PuppetLimits())
+    assert settle.settled(problem, run.result.x, run.result.u) is not None
     assert told
     for ends in told:
         assert ends(SimpleNamespace(method="negative-curvature"))

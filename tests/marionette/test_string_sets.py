@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from leastaction import check_consistent
-from leastaction.errors import ArgumentError, ResultFileError
+from leastaction.errors import ArgumentError
 from leastaction.models.marionette import (
     PLANE_HEIGHT,
     STRING_SETS,
@@ -17,7 +17,6 @@ from leastaction.models.marionette import (
     set_of,
     strings_of,
 )
-from leastaction_marionette.tracking.files import _mechanism
 from leastaction_marionette.tracking.problem import unheld
 
 
@@ -35,12 +34,8 @@ def test_every_set_hangs_straight_above_its_hooks(count: Count) -> None:
     )
     np.testing.assert_allclose(hooks[:, :2], controls[:, :2], atol=1e-12)
     np.testing.assert_allclose(controls[:, 2], PLANE_HEIGHT)
-    # What is read from a file is the same puppet.
-    assert _mechanism(count, {}).constraints == m.constraints
 
 
 def test_other_numbers_of_strings_are_none() -> None:
     with pytest.raises(ArgumentError, match="expected 6, 7, 8, 9, 11 strings"):
         marionette(strings=10)  # type: ignore[arg-type]
-    with pytest.raises(ResultFileError, match="10 strings"):
-        _mechanism(10, {})

@@ -52,7 +52,7 @@ def at_rest(run: TrackingRun) -> RestingPoses | None:
 
     That is of a motion that was planned by tensions: hanging strings that follow one well need no reasons.
     """
-    return None if run.plan is None else resting(run)
+    return resting(run) if run.embedded else None
 
 
 def write_report(

@@ -132,7 +132,7 @@ def run(request: Request, optimiser: OptimiserOptions, output: OutputOptions, fo
     if found.result.status is Status.INTERRUPTED:
         return INTERRUPTED
     # A motion whose strings pull is an answer, however the search for a better one ended; the summary says how.
-    pulls = found.plan is not None and found.tension.min() >= 0.0
+    pulls = found.tension.min() >= 0.0
     usable = found.result.success or found.result.status is Status.ITERATION_LIMIT or pulls
     return 0 if usable else STUCK
 

@@ -14,7 +14,7 @@ from leastaction.viz import TrackingErrors
 from leastaction_marionette.at_rest import RestingPoses
 from leastaction_marionette.markers import MARKERS
 from leastaction_marionette.scene import by_parts, own_string_lengths
-from leastaction_marionette.tracking import Effort, PuppetLimits, TrackingRun
+from leastaction_marionette.tracking import PuppetLimits, TrackingRun
 from leastaction_marionette.tracking.limits import pelvis_of
 from leastaction_marionette.turns import differences
 
@@ -49,7 +49,7 @@ def run_summary(run: TrackingRun, rest: RestingPoses | None = None) -> dict[str,
     result, t = run.result, run.trajectory.t
     far, against = _not_followed(run)
     lengths = own_string_lengths(run)
-    cost, effort = result.history.cost, run.effort or Effort().plus(result)
+    cost, effort = result.history.cost, run.effort
     first = float(cost[0]) if np.isnan(effort.first_cost) else effort.first_cost
     return {
         "run": {
@@ -76,7 +76,7 @@ def run_summary(run: TrackingRun, rest: RestingPoses | None = None) -> dict[str,
         "markers": {} if run.markers is None else _markers(run, rest),
         "not_followed": far,
         "limits_reached": against,
-        "limits_broken": [] if run.limits is None else _broken(run, run.limits),
+        "limits_broken": _broken(run, run.limits),
         "held_joints": {"rms_deg": run.held_error}
         | ({} if rest is None or run.follow == "markers" else {"at_rest_rms_deg": rest.error}),
         "strings": {

@@ -99,7 +99,8 @@ def _check(found: TrackingRun | TrackingSearch) -> None:
     """Raise an error unless a record is of a marionette, and its parts fit each other."""
     m, N = found.mechanism, len(found.motion.t) - 1
     body_columns(m, found.motion)
-    if marionette(strings=set_of(m), axes=axes_of(m)).with_parameters(m.parameters) != m:
+    own = marionette(strings=set_of(m), axes=axes_of(m))
+    if (m.coordinates, m.constraints, set(m.parameters)) != (own.coordinates, own.constraints, set(own.parameters)):
         raise LeastActionError("its mechanism is no marionette")
     if unknown := sorted(found.kinds - set(KINDS)):
         raise LeastActionError(f"limits of the kinds {', '.join(unknown)} are none; the kinds are {', '.join(KINDS)}")

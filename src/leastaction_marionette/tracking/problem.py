@@ -135,13 +135,14 @@ class TrackingProblem:
         ]
         return None if any(far) else (run.x, run.u)
 
-    def cost(self) -> TrackingCost:
-        """Return the cost by lengths of what is quadratic."""
+    def cost(self) -> Cost:
+        """Return the cost by lengths."""
         # lam is an impulse for |p1 - p2|^2 - L^2: a newton of tension is dt / (2 L) of it.
         lengths = string_lengths(self.mechanism, self.reference[0])
         pull = self.weights.tension * (2.0 * lengths / self.dt) ** 2
         u = self.reference[1:, self.mechanism.first_rho :]
-        return self.tracking_cost(self.system, self.x_reference, u, multipliers=pull)
+        cost = self.tracking_cost(self.system, self.x_reference, u, multipliers=pull)
+        return self.with_markers(cost, self.system)
 
     def tracking_cost(
         self,

@@ -54,10 +54,10 @@ def followed_on_bars(tracker: Tracker, search: Callable[[Tracker], Tracker], *, 
     def from_motors(tracker: Tracker) -> Found:
         return more_firmly(*improved(search(tracker)), LOOSE)
 
-    still = on_one_bar(tracker.mechanism) and not begun
-    if still:
-        tracker.say("all strings are tied to one bar: it begins with a puppet that is held still")
-    return _by_ways(tracker, (from_still, from_motors) if still else (from_motors, from_still))
+    motors = "it is sought with motors", from_motors
+    if on_one_bar(tracker.mechanism) and not begun:
+        return _by_ways(tracker, (_STILL, motors), why="all strings are tied to one bar")
+    return _by_ways(tracker, (motors, _STILL))
 
 
 def gone_on(tracker: Tracker, found: TrackingRun | TrackingSearch) -> TrackingRun:
@@ -81,30 +81,48 @@ def gone_on(tracker: Tracker, found: TrackingRun | TrackingSearch) -> TrackingRu
         def from_there(tracker: Tracker) -> Found:
             return more_firmly(*improved(tracker), LOOSE)
 
-    return _by_ways(tracker, (from_there, from_still))
+    return _by_ways(tracker, (("it goes on", from_there), _STILL))
 
 
-def _by_ways(tracker: Tracker, ways: Sequence[Way]) -> TrackingRun:
-    """Return the motion on strings of fixed lengths that one way after the other leads to, or a puppet held still."""
-    left, near = tracker.left, None
-    for way in ways:
-        begun, found = replace(tracker, left=left), None
+def _by_ways(tracker: Tracker, ways: Sequence[tuple[str, Way]], *, why: str = "") -> TrackingRun:
+    """Return the motion on strings of fixed lengths that one way after the other leads to.
+
+    Where none does, one near what could not be tied, or a puppet held still, whichever is nearer to what is wanted.
+    ``ways``: each with what is said where it begins; ``why``: it is the first.
+    """
+    left, untied, runs = tracker.left, list[Found](), list[TrackingRun]()
+    for words, way in ways:
+        if why:
+            tracker.say(f"{why}: {words}")
+        begun, found, why = replace(tracker, left=left), None, "no motion is found from there"
         with suppress(LeastActionError):
             begun, found = way(begun)
-            if begun.varies and found.status not in CUT_SHORT and begun.left > 0:
-                near = found
-                tracker.say("strings on bars cannot be tied on the motion found")
-                continue
-            if begun.varies:
-                begun = with_lengths_of(begun, found)
-            return begun.ended(found)
+            if not begun.varies or found.status in CUT_SHORT or begun.left < 1:
+                why = "strings on bars: no motion in which all of them pull is near to what was found"
+                return _on_rods(begun, found)
+            why = "strings on bars cannot be tied on the motion found"
+            untied.append((begun, found))
         if found is not None and found.status is Status.INTERRUPTED:
             raise KeyboardInterrupt  # what is kept is worth more than a puppet held still
         tracker = replace(tracker, effort=begun.effort)
-        tracker.say("no motion is found on which strings on bars keep their lengths and pull")
-    tracker.say("it is held still")
-    tracker, still = held(replace(tracker, slow=None).planned(), near)
-    return tracker.run_of(still)
+    tracker.say(f"{why}: it is held still")
+    for each in untied:
+        with suppress(LeastActionError):
+            runs.append(_on_rods(*each))
+    try:
+        tracker, still = held(replace(tracker, slow=None).planned(), untied[0][1] if untied else None)
+        runs.append(tracker.run_of(still))
+    except LeastActionError:
+        if not runs:
+            raise
+    return min(runs, key=lambda run: run.off)
+
+
+def _on_rods(tracker: Tracker, found: OptimizationResult) -> TrackingRun:
+    """Return what was found with strings of fixed lengths: where they are still sought, those that suit it."""
+    if tracker.varies and _ties(tracker).weight < FIRM[0]:
+        tracker = with_lengths_of(tracker, found)
+    return tracker.ended(found)
 
 
 def from_still(tracker: Tracker) -> Found:
@@ -112,8 +130,11 @@ def from_still(tracker: Tracker) -> Found:
 
     Raises `ArgumentError` where nothing holds it.
     """
-    tracker.say("it begins with a puppet that is held still")
-    return more_firmly(*held(tracker.with_longer_steps(), None), FIRM[:1])
+    tracker, still = held(tracker.with_longer_steps(), None)
+    return more_firmly(tracker, still, FIRM[:1])
+
+
+_STILL: Final = ("it begins with a puppet that is held still", from_still)
 
 
 def held(tracker: Tracker, near: OptimizationResult | None) -> Found:

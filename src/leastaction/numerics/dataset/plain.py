@@ -1,9 +1,9 @@
 """Dataclasses as plain data and arrays, and back again.
 
 The arrays of a dataclass, and of those in it, are kept under their dotted names, such as ``history.cost``; the rest is
-what JSON can hold. On the way back msgspec holds it to the types of the dataclass. Of a class that registers itself by
-`said_by_text` a text stands for the object. A field whose metadata say ``"recorded": False`` is left out; ``"earlier": (name, function)`` says under which name older files have it, and what
-makes what it is now of that.
+what JSON can hold. On the way back msgspec holds it to the types of the dataclass. Of a class that `said_by_text` was
+told of, a text stands for the object. A field whose metadata say ``"recorded": False`` is left out; ``"earlier": (name,
+function)`` says under which name older files have it, and what makes what it is now of that.
 """
 
 from __future__ import annotations
