@@ -236,3 +236,19 @@ def test_on_a_cluster_of_dask_it_is_the_same_and_goes_on_where_it_was(tmp_path):
     for one, other in zip(here, there, strict=True):
         np.testing.assert_array_equal(one.x, other.x)
         np.testing.assert_array_equal(one.u, other.u)
+
+
+def test_many_motions_are_bands_of_what_chance_may_do():
+    rng, t = np.random.default_rng(0), 0.02 * np.arange(26)
+    starts = np.zeros((64, 4))
+    starts[:, 1] = 0.1 * rng.standard_normal(64)
+    vi = MidpointVI(cart_pendulum(), threads=1)
+    runs = simulate_many(vi, starts, t)
+    bands = runs.bands()
+    np.testing.assert_array_equal(bands["theta"], runs.x[:, :, 1])
+    low, middle, high = bands.quantiles("theta", (0.0, 0.5, 1.0))
+    np.testing.assert_array_equal(high, runs.x[:, :, 1].max(axis=0))
+    assert (low < middle).all()
+    assert not bands.failures
+    pytest.importorskip("matplotlib").use("Agg")
+    assert [axis.get_ylabel() for axis in bands.plot(["theta", "x-force"]).axes] == ["theta (rad)", "x-force (N)"]

@@ -246,11 +246,11 @@ def close_loop(
         names,
         stood.system.input_names,
         failure,
-        _units_of(stood.system),
+        units_of(stood.system),
     )
 
 
-def _units_of(system: System) -> dict[str, str]:
+def units_of(system: System) -> dict[str, str]:
     """Return the units of states and inputs by their names, where they are known."""
     names, units = (*system.state_names, *system.input_names), (*system.state_units, *system.input_units)
     return {name: unit for name, unit in zip(names, units, strict=True) if unit}

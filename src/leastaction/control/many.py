@@ -16,11 +16,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from leastaction.control.bands import LoopBands
+from leastaction.control.closed_loop import units_of
 from leastaction.errors import ArgumentError, LeastActionError, unknown
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.prescribed import held
 from leastaction.numerics.arrays import Array, as_array, as_count, as_times, read_only, require_instance
 from leastaction.numerics.public import public
+from leastaction.systems.midpoint import MidpointSystem
 
 
 @public
@@ -42,6 +45,7 @@ class ManyRuns:
         How many steps each made: N, of those that did not fail.
     failures : mapping of int to str
         Which instances failed, and why.
+    integrator : MidpointVI
     """
 
     t: Array
@@ -50,11 +54,18 @@ class ManyRuns:
     lam: Array
     steps: np.ndarray[tuple[int], np.dtype[np.int64]]
     failures: Mapping[int, str]
+    integrator: MidpointVI
 
     @property
     def complete(self) -> bool:
         """Whether none failed."""
         return not self.failures
+
+    def bands(self) -> LoopBands:
+        """Return them by name, with quantiles over all at every instant and pictures of these: what chance may do."""
+        system = MidpointSystem(self.integrator, self.t)
+        named = system.state_names, system.input_names, units_of(system)
+        return LoopBands(self.t, self.x, self.u, tuple(self.failures.items()), *named)
 
 
 @public
@@ -158,7 +169,7 @@ def simulate_many(
         for i, done in enumerate(steps.tolist())
         if done < N
     }
-    return ManyRuns(times, read_only(x), read_only(u), read_only(lam), steps, failures)
+    return ManyRuns(times, read_only(x), read_only(u), read_only(lam), steps, failures, integrator)
 
 
 @public
