@@ -71,6 +71,18 @@ class ClosedLoop:
     failure: str | None = None
     units: Mapping[str, str] = field(default_factory=dict)
 
+    def __str__(self) -> str:
+        end = "completed" if self.failure is None else self.failure
+        said = f"ClosedLoop of {len(self.u)} steps, to t = {self.t[-1]:.6g} s: {end}"
+        fallen = sum(not getattr(info, "planned", True) for info in self.infos)
+        if fallen:
+            said += f"; {fallen} calls followed an earlier plan"
+        if self.surprise is not None and np.isfinite(self.surprise).any():
+            said += (
+                f"; normalised innovations {np.nanmean(self.surprise):.3g} in the mean, of {self.y.shape[1]} readings"
+            )
+        return said
+
     def __getitem__(self, name: str) -> Array:
         """Return an entry of the state, or an input, over time by its name."""
         if name in self.state_names:
