@@ -76,7 +76,7 @@ def test_controllers_hold_it_up_by_noisy_late_readings_while_it_is_pushed(kind: 
     assert np.abs(run["theta"][50:] - np.pi).max() < 0.1
     assert run.y.shape == (101, 2)
     assert len(run.infos) == (100 if by == "an MPC" else 0)
-    assert "ClosedLoop of 100 steps, to t = 2 s: completed" in str(run)
+    assert "100 steps, t = 0 to 2 s" in str(run)
     assert "of 2 readings" in str(run)
 
 
@@ -98,6 +98,7 @@ WRONG = {
         lambda vi: la.simulate(vi, [0.0, 0.1], None, T, noise=0.1, law_at="midpoint"),
         "law_at: got it in a loop that is closed, expected none but inputs, measure, noise",
     ),
+    "a flag": (lambda _: la.simulate(cart_pendulum(), [0.0, 0.1], None, T, dense_output="no"), "dense_output: got"),
     "a delay": (lambda vi: la.simulate(vi, [0.0, 0.1], None, T, inputs=[0.0], delay=0.03), "delay: got 0.03 s"),
     "a velocity of a system": (
         lambda _: la.simulate(LinearSystem(np.eye(2), np.eye(2), N=5), [0.0, 0.1], [0.0], T, inputs=[0.0, 0.0]),

@@ -19,7 +19,7 @@ from leastaction.control.kalman import check_estimator
 from leastaction.control.plants import plant_of
 from leastaction.control.predictive import MPC
 from leastaction.control.readings import Measured, Readings, Spread, covariance, covariance_of_states
-from leastaction.errors import ArgumentError, LeastActionError
+from leastaction.errors import ArgumentError, LeastActionError, some
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, read_only
 from leastaction.numerics.public import public
 from leastaction.numerics.signals import StateLaw, takes_state
@@ -71,18 +71,6 @@ class ClosedLoop:
     failure: str | None = None
     units: Mapping[str, str] = field(default_factory=dict)
 
-    def __str__(self) -> str:
-        end = "completed" if self.failure is None else self.failure
-        said = f"ClosedLoop of {len(self.u)} steps, to t = {self.t[-1]:.6g} s: {end}"
-        fallen = sum(not getattr(info, "planned", True) for info in self.infos)
-        if fallen:
-            said += f"; {fallen} calls followed an earlier plan"
-        if self.surprise is not None and np.isfinite(self.surprise).any():
-            said += (
-                f"; normalised innovations {np.nanmean(self.surprise):.3g} in the mean, of {self.y.shape[1]} readings"
-            )
-        return said
-
     def __getitem__(self, name: str) -> Array:
         """Return an entry of the state, or an input, over time by its name."""
         if name in self.state_names:
@@ -90,6 +78,24 @@ class ClosedLoop:
         if name in self.input_names:
             return np.asarray(self.u[:, self.input_names.index(name)])
         raise ArgumentError(f"{name!r}: got a name of neither state nor input")
+
+    def __str__(self) -> str:
+        """Say how far the loop came, where it ended, and what the largest inputs and the estimator came to."""
+        ended = self.failure or f"{len(self.u)} steps, t = {self.t[0]:g} to {self.t[-1]:g} s"
+        lines = [ended, "ends at " + _by_name(self.state_names, self.x[-1])]
+        if self.u.size:
+            lines.append("largest inputs " + _by_name(self.input_names, np.abs(self.u).max(axis=0)))
+        if self.surprise is not None and np.isfinite(self.surprise).any():
+            lines.append(f"mean surprise {np.nanmean(self.surprise):.3g} of {self.y.shape[1]} readings")
+        missed = sum(not info.planned for info in self.infos)
+        if self.infos:
+            slowest = 1e3 * max(info.seconds for info in self.infos)
+            lines.append(f"{len(self.infos)} plans, {missed} of them not found; the slowest took {slowest:.3g} ms")
+        return "\n".join(lines)
+
+
+def _by_name(names: tuple[str, ...], values: Array) -> str:
+    return some([f"{name} {value:.4g}" for name, value in zip(names, values, strict=True)])
 
 
 @public

@@ -3,33 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, TypedDict, Unpack, cast, overload
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.control.closed_loop import ClosedLoop, Disturbance, close_loop
-from leastaction.control.plants import plant_of
-from leastaction.control.predictive import MPC
-from leastaction.control.readings import Measured, Spread
 from leastaction.errors import ArgumentError, KeywordError
 from leastaction.mechanics.continuous import simulation as continuous
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics, as_dynamics
-from leastaction.mechanics.continuous.events import Event
-from leastaction.mechanics.continuous.prescribed import PrescribedMotion
-from leastaction.mechanics.continuous.signals import ContinuousSignal
-from leastaction.mechanics.continuous.stabilisation import Baumgarte, Projection
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory
 from leastaction.mechanics.discrete.midpoint import MidpointVI
-from leastaction.mechanics.discrete.simulation import LawAt
 from leastaction.mechanics.discrete.trajectory import State, Trajectory
 from leastaction.mechanics.mechanism.arguments import rates, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, Row, as_times
-from leastaction.numerics.public import public
+from leastaction.numerics.public import checked, public
 from leastaction.numerics.signals import Signal, StateLaw, signal_rows, takes_state
 from leastaction.optimal.system import System
-from leastaction.systems.continuous import MechanismSystem
+
+if TYPE_CHECKING:  # what closes loops is slow to import, and asked of few simulations
+    from leastaction.control.closed_loop import ClosedLoop, Disturbance
+    from leastaction.control.predictive import MPC
+    from leastaction.control.readings import Measured, Spread
+    from leastaction.mechanics.continuous.events import Event
+    from leastaction.mechanics.continuous.prescribed import PrescribedMotion
+    from leastaction.mechanics.continuous.signals import ContinuousSignal
+    from leastaction.mechanics.continuous.stabilisation import Baumgarte, Projection
+    from leastaction.mechanics.discrete.simulation import LawAt
 
 
 class DiscreteOptions(TypedDict, total=False):
@@ -191,7 +191,8 @@ def simulate(
         if name not in (known := [*own.__annotations__, *_LOOP]):
             raise KeywordError(name, ["inputs", *known])
     closing = {name: options.pop(name) for name in _LOOP if name in options}
-    if closing or isinstance(inputs, MPC) or isinstance(dynamics, System):
+    # What a controller says of itself is of one call, at an instant: it is asked by steps.
+    if closing or hasattr(inputs, "info") or isinstance(dynamics, System):
         if options:
             raise ArgumentError(
                 f"{', '.join(options)}: got {'it' if len(options) == 1 else 'them'} in a loop that is closed, expected "
@@ -200,12 +201,16 @@ def simulate(
         return _closed(dynamics, q0, v0, as_times(t), inputs, closing)
     if isinstance(dynamics, MidpointVI):
         start = q0 if isinstance(q0, State) else dynamics.start(q0, v0, t=float(as_times(t)[0]))
-        return dynamics.simulate(start, t, inputs=inputs, **options)
-    return continuous.simulate(as_dynamics(dynamics), cast(Row, q0), v0, t, inputs=inputs, **options)
+        return checked(MidpointVI.simulate)(dynamics, start, t, inputs=inputs, **options)
+    return checked(continuous.simulate)(as_dynamics(dynamics), cast(Row, q0), v0, t, inputs=inputs, **options)
 
 
 def _closed(dynamics: Any, q0: Any, v0: Row | None, times: Array, inputs: Any, closing: dict[str, Any]) -> ClosedLoop:
     """Return what happens in a closed loop; inputs that are known are a law that looks at no state."""
+    from leastaction.control.closed_loop import close_loop
+    from leastaction.control.plants import plant_of
+    from leastaction.systems.continuous import MechanismSystem
+
     start = q0
     if isinstance(dynamics, MidpointVI):
         start = q0 if isinstance(q0, State) else dynamics.start(q0, v0, t=float(times[0]))
@@ -218,7 +223,7 @@ def _closed(dynamics: Any, q0: Any, v0: Row | None, times: Array, inputs: Any, c
         dynamics = MechanismSystem(as_dynamics(dynamics))
         m = dynamics.mechanism
         start = np.concatenate([single(m, q0, "q0"), np.zeros(m.nv) if v0 is None else rates(m, v0, "v0")])
-    if not (isinstance(inputs, MPC) or takes_state(inputs)):
+    if not takes_state(inputs):
         names = plant_of(dynamics, times, 1).system.input_names
         middle = 0.5 * (times[1:] + times[:-1])
         rows = signal_rows(inputs, middle, names, "inputs", np.zeros(len(names)))
@@ -226,4 +231,4 @@ def _closed(dynamics: Any, q0: Any, v0: Row | None, times: Array, inputs: Any, c
         def inputs(t: float, x: Array) -> Array:  # noqa: ARG001 - as of any law
             return np.asarray(rows[np.searchsorted(times[1:], t, side="right")])
 
-    return close_loop(dynamics, inputs, start, times, **closing)
+    return checked(close_loop)(dynamics, inputs, start, times, **closing)
