@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from leastaction.control.bands import LoopBands
 from leastaction.control.closed_loop import units_of
-from leastaction.errors import ArgumentError, LeastActionError, unknown
+from leastaction.errors import ArgumentError, LeastActionError, StepError, unknown
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.prescribed import held
 from leastaction.numerics.arrays import Array, as_array, as_count, as_times, read_only, require_instance
@@ -181,7 +181,6 @@ def linearize_many(
     Parameters
     ----------
     integrator : MidpointVI
-        Of a mechanism whose rotations are no quaternions.
     t : array_like (N+1,)
         Times (s), of all.
     x, u : array_like (B, N+1, nx), (B, N, nu)
@@ -191,7 +190,7 @@ def linearize_many(
 
     Returns
     -------
-    A, B : ndarray (B, N, nx, nx), (B, N, nx, nu)
+    A, B : ndarray (B, N, ndx, ndx), (B, N, ndx, nu)
         Next states by states and by inputs, of each to the last bit what they are alone.
 
     Raises
@@ -216,16 +215,36 @@ def linearize_many(
     N = len(times) - 1
     states = np.ascontiguousarray(as_array(x, "x", (None, N + 1, m.nx), meaning="(B, N+1, nx)"))
     inputs = as_array(u, "u", (len(states), N, m.n_inputs + m.nrho), meaning="(B, N, nu)")
-    if m.nx != m.ndx:
-        raise ArgumentError(
-            "integrator: its rotations are quaternions; expected a mechanism without, or use `linearize`"
-        )
     count = as_count(threads, "threads", 0) or os.cpu_count() or 1
+    if m.nx != m.ndx:
+        return _each_linearized(integrator, times, states, inputs, count)
     A, B, done = integrator.core.linearize_many(times, states, np.ascontiguousarray(inputs), count)
     if done < len(states) * N:
-        i, k = divmod(done, N)
-        raise ArgumentError(f"x: step {k} of instance {i} is none of the mechanism; give motions of `simulate_many`")
+        raise _no_step(*divmod(done, N))
     return A, B
+
+
+def _each_linearized(vi: MidpointVI, t: Array, x: Array, u: Array, threads: int) -> tuple[Array, Array]:
+    """Return the same where rotations are quaternions: of each motion alone, and several at once by threads."""
+    m, N = vi.mechanism, len(t) - 1
+    A, B = np.empty((len(x), N, m.ndx, m.ndx)), np.empty((len(x), N, m.ndx, u.shape[2]))
+    system = MidpointSystem(vi, t)
+
+    def one(i: int) -> None:
+        try:
+            A[i], B[i] = system.linearize(x[i], u[i])
+        except StepError as error:
+            raise _no_step(i, system.instant(error.t, "t")) from error
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(one, range(len(x))))
+    return A, B
+
+
+def _no_step(instance: int, k: int) -> ArgumentError:
+    return ArgumentError(
+        f"x: step {k} of instance {instance} is none of the mechanism; give motions of `simulate_many`"
+    )
 
 
 def _numbers(known: Mapping[str, float], parameters: Mapping[str, ArrayLike] | None) -> dict[str, Array]:
