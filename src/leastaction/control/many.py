@@ -18,12 +18,14 @@ from numpy.typing import ArrayLike
 
 from leastaction.control.bands import LoopBands
 from leastaction.control.closed_loop import units_of
-from leastaction.errors import ArgumentError, LeastActionError, StepError, unknown
+from leastaction.errors import ArgumentError, LeastActionError, unknown
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.prescribed import held
 from leastaction.numerics.arrays import Array, as_array, as_count, as_times, read_only, require_instance
 from leastaction.numerics.public import public
 from leastaction.systems.midpoint import MidpointSystem
+
+_SAME_MOTION = 1e-6  # m, or a number of a quaternion, by which a step of a motion may end off the next state
 
 
 @public
@@ -231,10 +233,11 @@ def _each_linearized(vi: MidpointVI, t: Array, x: Array, u: Array, threads: int)
     system = MidpointSystem(vi, t)
 
     def one(i: int) -> None:
-        try:
-            A[i], B[i] = system.linearize(x[i], u[i])
-        except StepError as error:
-            raise _no_step(i, system.instant(error.t, "t")) from error
+        ends = system.step_each(x[i], u[i]).x
+        off = np.abs(ends - x[i, 1 : len(ends) + 1])[:, : m.nq].max(axis=1) > _SAME_MOTION
+        if off.any() or len(ends) < N:
+            raise _no_step(i, int(np.argmax(np.append(off, True))))
+        A[i], B[i] = system.linearize(x[i], u[i])
 
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(one, range(len(x))))
