@@ -59,7 +59,7 @@ def test_gains_are_those_of_python_control(discrete):
 def test_estimates_are_those_of_python_control():
     """Its estimator predicts: what it says of an instant is what the filter expects before the reading there."""
     control = pytest.importorskip("control")
-    system, A, B, C, rng = linear(7, nu=1, N=40)
+    _, A, B, C, rng = linear(7, nu=1, N=40)
     A = 0.9 * A / np.abs(np.linalg.eigvals(A)).max()
     chance, V, P0, begun = (
         np.array([[0.3]]),
