@@ -12,6 +12,7 @@ from leastaction.errors import ArgumentError
 from leastaction.mechanics import ContinuousDynamics, Feedback
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.optimal import LinearSystem
+from leastaction.optimal.continuous import FunctionContinuousSystem
 
 T = 0.02 * np.arange(101)
 UP = np.array([0.0, np.pi, 0.0, 0.0])
@@ -119,3 +120,51 @@ def test_what_is_wrong_is_said(wrong, message: str) -> None:
 def test_dynamics_of_a_mechanism_are_a_plant() -> None:
     run = la.simulate(ContinuousDynamics(cart_pendulum()), {"theta": 0.1}, None, T, inputs=[0.0], seed=0)
     np.testing.assert_allclose(run.x[:, :2], la.simulate(cart_pendulum(), {"theta": 0.1}, None, T).q, atol=1e-7)
+
+
+def test_what_is_read_is_by_default_what_the_estimator_reads() -> None:
+    """Of a plant in continuous time too, whose own state has velocities where the estimator's has momenta."""
+    model, q0, v0 = la.MidpointSystem(la.MidpointVI(cart_pendulum(), threads=1), T), [0.0, 2.0], [1.0, -1.0]
+    momentum = la.MidpointVI(cart_pendulum()).start(q0, v0).p[1]
+    for plant in plants().values():
+        kalman = la.KalmanFilter(model, measure=["p_theta"], noise=1e-3, process=1e-3, x=UP)
+        run = la.simulate(plant, q0, v0, T[:3], inputs=[0.0], estimator=kalman)
+        assert run.y.shape == (3, 1)
+        assert run.y[0, 0] == pytest.approx(momentum, rel=1e-12)
+
+
+def test_in_continuous_time_a_law_acts_always_or_is_held_between_instants() -> None:
+    """The two differ by the first order of the time between instants; held inputs are those of each piece."""
+    plant, law = cart_pendulum(), Feedback([[-2.0, 120.0, -8.0, 25.0]], UP, np.zeros(1))
+    q0, t = [0.0, np.pi - 0.05], T[:51]
+    always, held = la.simulate(plant, q0, None, t, inputs=law), la.simulate(plant, q0, None, t, inputs=law, seed=0)
+    finely = la.simulate(plant, q0, None, 0.02 / 16 * np.arange(801), inputs=law, seed=0)
+    off, less = (np.abs(x[:, 1] - always.q[:, 1]).max() for x in (held.x, finely.x[::16]))
+    assert 1e-6 < less < 0.1 * off
+    x = held.x[0]
+    for k in range(3):
+        piece = la.simulate(plant, x[:2], x[2:], t[k : k + 2], inputs=law(t[k], x))
+        x = np.concatenate([piece.q[-1], piece.v[-1]])
+    np.testing.assert_allclose(held.x[3], x, atol=1e-8)
+
+
+def test_a_system_of_ones_own_in_continuous_time_under_a_controller_of_ones_own() -> None:
+    class Law:
+        """A controller that logs what it was given."""
+
+        info = ""
+
+        def __call__(self, t: float, x: np.ndarray) -> np.ndarray:
+            self.info = f"asked at {t:.1f} s"
+            return -2.0 * x[:1] - 3.0 * x[1:]
+
+    flow = lambda x, u, t: np.array([x[1], u[0]])  # noqa: E731
+    system = FunctionContinuousSystem(flow, nx=2, nu=1, derivatives="finite-differences")
+    run = la.simulate(system, [1.0, 0.0], None, 0.1 * np.arange(41), inputs=Law(), noise=1e-3)
+    assert run.infos[3] == "asked at 0.3 s"
+    assert "40 steps" in str(run)
+    x = np.array([1.0, 0.0])
+    for k, y in enumerate(run.y[:-1]):
+        u = -2.0 * y[0] - 3.0 * y[1]
+        x = np.array([x[0] + 0.1 * x[1] + 0.005 * u, x[1] + 0.1 * u])
+        np.testing.assert_allclose(run.x[k + 1], x, atol=1e-8)

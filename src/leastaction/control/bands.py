@@ -24,7 +24,7 @@ LoopRun = Callable[[np.random.Generator], ClosedLoop]
 @public
 @dataclass(frozen=True, eq=False)
 class LoopBands:
-    """Many runs of a closed loop.
+    """Many runs of a closed loop, or of a mechanism without one (`ManyRuns.bands`).
 
     Attributes
     ----------
