@@ -42,6 +42,7 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
     if (!mechanism_->balls.empty())
         for (auto* a : {&raw_start_, &raw_end_}) sized(*a, nq);
     bends_.resize(mechanism_->balls.size());
+    ball_turns_.resize(mechanism_->balls.size());
     if (mechanism_->time_slot >= 0) by_time_ = std::make_unique<TimeSlopes>(*mechanism_);
     for (auto* a : {&p1, &p2, &f_, &q2_kept_, &root_inertia_, &diagonal_, &inertia_}) sized(*a, nd);
     sized(u, mechanism_->n_inputs);
@@ -57,16 +58,16 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
         const double turn = std::sqrt(w.x * w.x + w.y * w.y + w.z * w.z);
         joint.each_term([&](int i, double factor) { turn_[i] = std::max(turn_[i], turn * std::abs(factor)); });
     }
-    const bool fits = mechanism_->plain && mechanism_->only_tree_couples && mechanism_->balls.empty();
+    const bool fits = mechanism_->plain && mechanism_->only_tree_couples;
     if (fits && (settings.solver == Solver::tree ||
                  (settings.solver == Solver::automatic && TreeNewton::is_faster(*mechanism_))))
-        tree_ = std::make_unique<TreeNewton>(*mechanism_);
+        tree_ = std::make_unique<TreeNewton>(*mechanism_, true);
     if ((settings.solver == Solver::loops || settings.solver == Solver::automatic) && LoopNewton::fits(*mechanism_)) {
         loops_ = std::make_unique<LoopNewton>(*mechanism_);
         if (settings.solver == Solver::automatic && !loops_->is_faster()) loops_.reset();
     }
     if (loops_) {
-        if (!tree_) tree_ = std::make_unique<TreeNewton>(*mechanism_);
+        if (!tree_) tree_ = std::make_unique<TreeNewton>(*mechanism_, true);
         start_ = end_ = loops_->make_constraints();
     } else {
         for (auto* a : {&C1_, &C2_}) sized(*a, nc_ * nq);
@@ -308,8 +309,22 @@ bool MidpointStep::factor_tree(double dt) {
         const JointVectors at = lagrangian_.vectors(joint);
         note_inertia(i, std::inner_product(at.S, at.S + 6, at.AB, inertia_[i]));
     }
-    element_matrix(dt, [&](int i, int, double value) { diagonal_[i] += value; });
-    if (!tree_->factor(lagrangian_, dt, diagonal_.data())) return false;
+    make_bends();
+    for (std::size_t b = 0; b < ball_turns_.size(); ++b) {
+        ball_turns_[b].by_ends = turned_middle_.by_ends(b);
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) ball_turns_[b].more[i][j] = bends_[b](i, 3 + j);
+    }
+    element_matrix(dt, [&](int i, int j, double value) {
+        const int ball = turned_middle_.ball_of(i);
+        if (ball < 0) {
+            diagonal_[i] += value;
+        } else {
+            const int first = mechanism_->balls[ball].variable;
+            ball_turns_[ball].more[i - first][j - first] += value;
+        }
+    });
+    if (!tree_->factor(lagrangian_, dt, diagonal_.data(), ball_turns_.data())) return false;
     if (loops_ && !loops_fail_) {
         if (loops_->factor(lagrangian_, dt, diagonal_.data(), start_, end_)) {
             newton_.take(*tree_, *loops_);
@@ -350,21 +365,24 @@ bool MidpointStep::factor_dense(double dt) {
     }
     for (int i = 0; i < nd_; ++i) note_inertia(i, diagonal_[i]);
     element_matrix(dt, [&](int i, int j, double value) { M[i * newton_.stride + j] += value; });
-    add_bends();
+    make_bends();
+    for (std::size_t b = 0; b < turnings_.size(); ++b) {
+        const int at = mechanism_->balls[b].variable;
+        if (at >= nd_) continue;
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) M[(at + i) * newton_.stride + at + j] += bends_[b](i, 3 + j);
+    }
     make_gradients();
     return newton_.factor(C1_.data(), C2_.data(), nq_);
 }
 
-void MidpointStep::add_bends() {
+void MidpointStep::make_bends() {
     for (std::size_t b = 0; b < turnings_.size(); ++b) {
         const Ball& ball = mechanism_->balls[b];
         if (ball.prescribed) continue;
         const double *start = &raw_start_[ball.variable], *end = &raw_end_[ball.variable];
         const Vec3<double> from{start[0], start[1], start[2]}, to{end[0], end[1], end[2]};
         bends_[b] = by_ends(turnings_[b].bend(from + to, 0.5 * (to - from)));
-        for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j)
-                newton_.M[(ball.variable + i) * newton_.stride + ball.variable + j] += bends_[b](i, 3 + j);
     }
 }
 
@@ -415,8 +433,10 @@ void MidpointStep::turn_ends() {
 }
 
 void MidpointStep::place_prescribed() {
+    const std::vector<int>& joints = mechanism_->prescribed_constraint_joints;
+    if (joints.empty()) return;
     if (!mechanism_->balls.empty()) turn_ends();
-    place(mechanism_->prescribed_constraint_joints, end(), at2_);
+    place(joints, end(), at2_);
 }
 
 // dphi = d + phi x s + c phi x (phi x d) with s = beta/2, d = beta.

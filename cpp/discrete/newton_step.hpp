@@ -155,7 +155,7 @@ private:
     bool refresh(double dt, bool in_tree);
     bool factor_tree(double dt);
     bool factor_dense(double dt);
-    void add_bends();       // of balls, to the Newton matrix
+    void make_bends();
     void make_gradients();  // C1_ and C2_, where loops_ made do without
     void make_start_gradients();
     void list_entries();
@@ -204,6 +204,7 @@ private:
     std::vector<double> q_mid_, v_, f_, still_;
     std::vector<Turning> turnings_;
     TurnedMiddle turned_middle_;
+    std::vector<BallTurn> ball_turns_;                  // for tree_
     std::vector<Turning::Matrix6> bends_;               // by ball and the ends of its step: what no pair of joints has
     std::vector<double> placed_, raw_start_, raw_end_;  // and the rows D1Ld + fd- and D2Ld + fd+ before they are turned
     std::unique_ptr<TimeSlopes> by_time_;               // null where nothing changes with the time

@@ -52,6 +52,8 @@ public:
             f(k, by_q * e.q_start + by_v * e.v_start, by_q * e.q_end + by_v * e.v_end);
         });
     }
+    // (theta, theta') of a ball by turns of the start and the end.
+    const Turning::Matrix6& by_ends(std::size_t ball) const { return balls_[ball].ends.by; }
     int ball_of(int variable) const { return ball_of_[variable]; }  // -1: none
 
 private:

@@ -149,4 +149,31 @@ def test_what_is_wrong_is_said():
         close_loop(system, law, UP, T, estimator=3)
     with pytest.raises(ArgumentError, match="disturbance: unknown name 'q_"):
         close_loop(system, law, UP, T, disturbance={"q_*": 1.0})
-    assert "controller(0, x): got shape (2,)" in close_loop(system, lambda t, x: np.zeros(2), UP, T).failure
+    with pytest.raises(ArgumentError, match=r"inputs\(0, x\): got shape \(2,\), expected \(1,\); .* x-force"):
+        close_loop(system, lambda t, x: np.zeros(2), UP, T)
+    late = close_loop(system, lambda t, x: np.zeros(1 if t < 0.05 else 2), UP, T)
+    assert "the loop ended at t = 0.05 s: inputs(0.05, x): got shape (2,)" in late.failure
+    assert len(late.u) == 2
+    with pytest.raises(ArgumentError, match=r"delay: got 0.04 s, .*; expected 0.025 s or 0.05 s"):
+        close_loop(system, law, UP, T, delay=0.04)
+    with pytest.raises(ArgumentError, match="measure: got none, and the estimator reads states of 4 numbers"):
+        close_loop(LinearSystem(np.eye(2), np.ones((2, 1)), N=5), law, np.zeros(2), T, estimator=kalman(system, UP))
+
+
+def test_print_says_what_became_of_a_loop():
+    system = model()
+    run = close_loop(system, controller(system), [0.1, np.pi, 0.0, 0.0], T[:5])
+    said = str(run)
+    assert "4 steps, t = 0 to 0.1 s" in said
+    assert f"ends at x {run['x'][-1]:.4g}, theta {run['theta'][-1]:.4g}, " in said
+    assert f"largest inputs x-force {np.abs(run['x-force']).max():.4g}" in said
+    assert "4 plans, 0 of them not found" in said
+
+    def once(rng: np.random.Generator):
+        return close_loop(
+            system, lambda t, x: [np.nan] if x[0] > 0.0 else [0.0], [rng.uniform(-1.0, 1.0), 0, 0, 0], T[:3]
+        )
+
+    bands = monte_carlo(once, 8)
+    assert f"8 runs to t = 0.05 s, {len(bands.failures)} of them ended early" in str(bands)
+    assert str(bands).count("\nrun ") == len(bands.failures) > 0
