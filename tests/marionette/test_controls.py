@@ -67,6 +67,7 @@ from leastaction_marionette.tracking import (
     tying,
 )
 from leastaction_marionette.tracking.limits import pelvis_of
+from leastaction_marionette.tracking.pace import Pace
 from leastaction_marionette.tracking.plan import TrackingPlan
 from leastaction_marionette.tracking.problem import TrackingProblem, unheld
 from leastaction_marionette.tracking.ties import FIRM
@@ -479,6 +480,25 @@ def test_a_motion_on_which_strings_cannot_be_tied_ends_in_an_answer(
         assert again.held_error == pytest.approx(run.held_error, abs=0.03)
     else:
         assert again.held_error < run.held_error - gains
+
+
+def test_what_is_still_to_be_tied_need_not_be_a_minimum(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search that creeps while strings are tied loosely goes on to tie them, where it stands."""
+    tied: list[OptimizationResult] = []
+
+    def with_lengths_of(tracker: Tracker, result: OptimizationResult) -> Tracker:
+        tied.append(result)
+        return whole(tracker, result)
+
+    whole = tying.with_lengths_of
+    monkeypatch.setattr(tying, "with_lengths_of", with_lengths_of)
+    monkeypatch.setattr(Pace, "creeps", lambda *_: len(tied) < 2)
+    said: list[str] = []
+    run = track(marionette(strings="cross+legs"), walk_in_place(0.4, 0.02), progress=said.append)
+    assert [result.iterations for result in tied[:2]] == [0, 0]
+    assert all(result.status is Status.ITERATION_LIMIT for result in tied[:2])
+    assert not any("larger parts" in line or "hangs still" in line for line in said)
+    assert run.result.success
 
 
 @pytest.mark.slow

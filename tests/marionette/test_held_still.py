@@ -15,10 +15,11 @@ from leastaction.optimal import IterationRecord, OptimizationResult, Status
 from leastaction_marionette import FORCED, PuppetLimits, TrackingRun, load_motion, track, walk_in_place
 from leastaction_marionette.choices import Strings
 from leastaction_marionette.tracking import TrackingSearch, poses, settle, tracker, tying
+from leastaction_marionette.tracking.pace import Pace
 from leastaction_marionette.tracking.plan import TrackingPlan
 from leastaction_marionette.tracking.poses import at_rest, held_still
 from leastaction_marionette.tracking.problem import TrackingProblem
-from leastaction_marionette.tracking.ties import FIRM, LEAST_WEIGHT
+from leastaction_marionette.tracking.ties import FIRM, LEAST_WEIGHT, LOOSE
 from leastaction_marionette.tracking.tracker import Tracker
 from leastaction_marionette.tracking.tying import on_one_bar
 from marionette.motions import PUPPET, captured
@@ -225,6 +226,32 @@ def test_where_nothing_near_a_motion_on_bars_keeps_lengths_it_begins_with_a_pupp
     stands = bool(np.ptp(run.plan.x, axis=0).max() == 0.0)
     assert stands == any("it is held still" in line for line in said) == (fails == 2)
     assert run.result.success == (fails == 1)
+
+
+def test_optimisations_on_bars_that_lead_on_end_where_they_creep(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is to be tied most firmly does not, nor what is on no bars: their optimisations are the last."""
+    paces, weights = list[float](), list[float]()
+
+    class Paced(Pace):
+        def __init__(self, *, hardly: float = 0.0, earlier: OptimizationResult | None = None) -> None:
+            super().__init__(hardly=hardly, earlier=earlier)
+            paces.append(hardly)
+
+    whole = tracker._optimised
+
+    def optimised(it: Tracker) -> OptimizationResult:
+        weights.append(np.inf if it.ties is None else it.ties.weight)
+        return whole(it)
+
+    monkeypatch.setattr(tracker, "_optimised", optimised)
+    monkeypatch.setattr(tracker, "Pace", Paced)
+    monkeypatch.setattr(tying, "_SETTLED", 0.0)
+    motion = walk_in_place(0.5, 0.02)
+    track(marionette(strings="cross+legs"), motion)
+    track(marionette(strings=7), motion, planned=True)
+    assert {min(LOOSE), *FIRM, np.inf} <= set(weights)
+    for pace, weight in zip(paces, weights, strict=True):
+        assert pace == (0.002 if weight < FIRM[0] else 0.005 if weight < FIRM[-1] else 0.0)
 
 
 def test_which_controls_are_one_bar_for_all_strings() -> None:

@@ -36,6 +36,7 @@ from leastaction_marionette.tracking import (
     load_run,
     load_unfinished,
     motors,
+    pace,
     plan,
     save_run,
     save_search,
@@ -373,6 +374,128 @@ def test_tensions_that_no_pose_has_are_said_to_be_too_large() -> None:
     """By their name, and not by the first step that fails."""
     with pytest.raises(ArgumentError, match=r"a pose at rest is found in which all of them pull\. Lower the least"):
         track(PUPPET, leap(0.2), limits=PuppetLimits(tension=1e9), planned=True)
+
+
+@pytest.mark.parametrize("how", ["stuck", "creeps", "is seen to creep"])
+def test_where_a_search_is_stuck_or_creeps_the_motion_grows_from_a_smaller_one(
+    how: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    optimize, begun = tracker.optimize, list[Any]()
+
+    def stuck_at_first(*problem: Any, **options: Any) -> OptimizationResult:
+        begun.append(options["initial"])
+        if len(begun) > (2 if how == "stuck" else 1) or how == "is seen to creep":
+            return optimize(*problem, **options)
+        found = optimize(*problem, **options | {"max_iterations": 0})
+        return replace(found, status=Status.LINE_SEARCH_FAILED if how == "stuck" else Status.ITERATION_LIMIT)
+
+    monkeypatch.setattr(tracker, "optimize", stuck_at_first)
+    if how == "is seen to creep":
+        monkeypatch.setattr(tracker.Pace, "creeps", lambda *_: len(begun) == 1)
+    said: list[str] = []
+    run = track(PUPPET, leap(0.3), planned=True, progress=said.append, max_iterations=60)
+    assert any("larger parts" in each for each in said)
+    assert [line[:5] for line in said if " of the motion" in line] == ["20 % ", "40 % ", "60 % ", "80 % ", "100 %"]
+    assert run.result.success
+    assert run.kinds == frozenset(limits.KINDS)
+    assert run.tension.min() >= 0.5 - 1e-6
+
+
+@pytest.mark.parametrize("goes_on", [True, False])
+def test_what_was_left_behind_and_is_nearer_is_gone_on_with(goes_on: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a motion that grew is dearer, or none is found."""
+    optimize, begun = tracker.optimize, list[tuple[Any, Any]]()
+
+    def creeping(*problem: Any, **options: Any) -> OptimizationResult:
+        begun.append((options["initial"], options["resume"]))
+        if len(begun) in (2, 3) and not goes_on:
+            raise ProjectionError("nowhere")
+        if len(begun) == 1:
+            return replace(optimize(*problem, **options | {"max_iterations": 1}), status=Status.ITERATION_LIMIT)
+        found = optimize(*problem, **options)
+        return replace(found, cost=10.0 * found.cost) if len(begun) == 2 else found
+
+    monkeypatch.setattr(tracker, "optimize", creeping)
+    wanted = plan.TrackingPlan(TrackingProblem(PUPPET, leap(0.3), FORCED, PuppetLimits()))
+    still = SimpleNamespace(initial=wanted.hung(), stages=(), iterations=0, cost=1.0)
+    monkeypatch.setattr(tracker, "grown", lambda *_: still)
+    run = track(PUPPET, leap(0.3), planned=True, max_iterations=60)
+    assert run.result.success == goes_on
+    if goes_on:
+        assert begun[2][1] is not None
+    else:
+        assert run.result.status is Status.ITERATION_LIMIT
+    assert run.tension.min() >= 0.0
+
+
+def test_a_smaller_motion_goes_a_part_of_the_way() -> None:
+    motion = leap(0.3)
+    wanted = plan.TrackingPlan(TrackingProblem(PUPPET, motion, FORCED, PuppetLimits()))
+    half = growing.smaller(wanted, motion, 0.5)
+    body = half.problem.reference[:, : PUPPET.nd]
+    np.testing.assert_allclose(body[0], motion.q[0])
+    np.testing.assert_allclose(body - motion.q[0], 0.5 * (motion.q - motion.q[0]), atol=1e-15)
+
+
+def creeping_from(
+    begin: int, *, share: float = 1.0, fall: float = 1e-4, mu: Callable[[int], float] = lambda _: 1.0
+) -> int | None:
+    """Return the iteration at which a search is seen to creep, or None.
+
+    ``begin``: from which on it expects ``share`` times as much from iteration to iteration, and gains ``fall`` of its
+    cost in each. ``mu``: its barrier.
+    """
+    its = pace.Pace()
+    for k in range(121):
+        barrier = SimpleNamespace(limits=SimpleNamespace(mu=mu(k)))
+        record = SimpleNamespace(
+            iteration=k,
+            cost=100.0 * (1.0 - fall) ** k,
+            expected_decrease=share ** max(k - begin, 0) * 0.5 ** min(k, begin),
+            snapshot=lambda barrier=barrier: barrier,
+        )
+        if its.creeps(record):  # type: ignore[arg-type]
+            return k
+    return None
+
+
+def test_a_search_creeps_that_expects_as_much_from_each_iteration_as_long_before_and_gains_little() -> None:
+    assert creeping_from(20) == creeping_from(5, share=1.01) == 60
+    assert creeping_from(50) == 80
+    assert creeping_from(0, share=0.95) is None  # it converges
+    assert creeping_from(0, fall=1e-3) is None  # it gains 2 % in 20 iterations
+    assert creeping_from(0, mu=lambda k: 0.1 ** (k // 15)) is None  # it goes on to other barriers
+
+
+def test_a_search_that_only_leads_to_the_next_ends_where_its_cost_hardly_changes() -> None:
+    def ended(fall: float) -> int | None:
+        its = pace.Pace(hardly=0.002)
+        for k in range(59):
+            cost = 100.0 * (1.0 - (fall if k > 12 else 0.1)) ** k
+            now = SimpleNamespace(limits=None)
+            record = SimpleNamespace(iteration=k, cost=cost, expected_decrease=1.0, snapshot=lambda now=now: now)
+            if its.creeps(record):  # type: ignore[arg-type]
+                return k
+        return None
+
+    assert ended(1e-4) == 23  # ten iterations after the last large step
+    assert ended(1e-3) is None
+
+
+def test_a_search_is_there_where_it_expects_little_at_the_last_barrier() -> None:
+    def there(expected: list[float], mu: float = 1.0) -> bool:
+        its = pace.Pace()
+        limits = SimpleNamespace(mu=mu, barrier=SimpleNamespace(last_mu=1.0))
+        for k, value in enumerate(expected):
+            now = SimpleNamespace(limits=limits)
+            record = SimpleNamespace(iteration=k, cost=100.0, expected_decrease=value, snapshot=lambda now=now: now)
+            its.creeps(record)  # type: ignore[arg-type]
+        return its.is_there(record, 1e-2)  # type: ignore[arg-type]
+
+    assert there([np.nan, 5.0, *[0.09] * 5])
+    assert not there([0.09] * 4)  # too few
+    assert not there([0.09, 0.2, 0.09, 0.09, 0.09])
+    assert not there([0.09] * 5, mu=2.0)
 
 
 def test_a_puppet_that_hangs_and_creeps_is_planned_by_tensions(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -139,7 +139,7 @@ def describe(path: Path) -> RenderableType:
 
 
 def _convergence(run: TrackingRun) -> Figure:
-    several = run.effort is not None and run.effort.optimisations > 1
+    several = run.effort.optimisations > 1
     return plot_convergence(run.result, title="Convergence of the last stage" if several else "Convergence")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,11 +107,11 @@ class TrackingRun:
     follow: Follow = "joints"
     effort: Effort = field(default_factory=Effort)
     limits: PuppetLimits = field(default_factory=PuppetLimits, repr=False)
-    trajectory: Trajectory = field(default=None, repr=False, metadata=_NOT_RECORDED)  # type: ignore[assignment]
+    trajectory: Trajectory = field(default=cast("Trajectory", None), repr=False, metadata=_NOT_RECORDED)
     provenance: Provenance = field(default_factory=Provenance.now, metadata=_NOT_RECORDED)
 
     def __post_init__(self) -> None:
-        if self.trajectory is None:
+        if cast("Trajectory | None", self.trajectory) is None:
             system = MidpointSystem(MidpointVI(self.mechanism), self.motion.t, multipliers=True)
             object.__setattr__(self, "trajectory", system.trajectory(self.result.x, self.result.u))
 

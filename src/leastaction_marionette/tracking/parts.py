@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import Final
 
@@ -90,8 +91,7 @@ def found_in_parts(tracker: Tracker, follow: Follow, begun: TrackingSearch | Non
         found = unit(tracker.plan.mechanism.coordinates, x), u
         none = np.zeros((len(u), u.shape[1], tracker.plan.system.ndx))
         done = replace(result, x=found[0], u=u, K=none, projection_gain=none, limits=None, state=None)
-        search = replace(tracker.as_search(done, counted=True), parts=True)
-        tracker.kept(lambda search=search: search, at_once=True)
+        tracker.kept(partial(replace, tracker.as_search(done, counted=True), parts=True), at_once=True)
     assert found is not None
     tracker.say("the parts are joined")
     kinds = tracker.kinds | FIRST_KINDS | tracker.plan.broken(found[0])

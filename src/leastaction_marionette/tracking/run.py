@@ -141,17 +141,18 @@ def track(
 
 def _gone_on(tracker: Tracker, found: TrackingRun | TrackingSearch) -> TrackingRun:
     """Return what is found from where an earlier run was, or a search."""
-    is_run = isinstance(found, TrackingRun)
-    hangs = is_run and not found.embedded
-    earlier = found.plan if is_run else found.result
-    tracker = replace(tracker, kinds=found.kinds, effort=found.effort, earlier=earlier).planned(hangs=hangs)
+    hangs = isinstance(found, TrackingRun) and not found.embedded
+    tracker = replace(tracker, kinds=found.kinds, effort=found.effort).planned(hangs=hangs)
+    tracker = replace(tracker, grows=hangs or isinstance(found, TrackingSearch))
+    if isinstance(found, TrackingSearch):
+        if found.firmness is None:
+            return _sought(tracker, found)
+        return tying.gone_on(replace(tracker, earlier=found.result), found)
+    held = found.plan.limits is None  # a puppet that is held still: no search has known any
+    tracker = replace(tracker, start=found.plan if held else None, earlier=None if held else found.plan)
     if hangs:
-        return _from_hanging(tracker, PATIENCE - earlier.iterations)
-    if not is_run and found.firmness is None:
-        return _sought(replace(tracker, earlier=None), found)
-    if is_run and earlier.limits is None:  # a puppet that is held still: no search has known any
-        tracker = replace(tracker, start=earlier, earlier=None)
-    if tracker.ties is not None or not is_run:
+        return _from_hanging(tracker, PATIENCE - found.plan.iterations)
+    if tracker.ties is not None:
         return tying.gone_on(tracker, found)
     tracker, result = improved(tracker)
     return tracker.ended(result)

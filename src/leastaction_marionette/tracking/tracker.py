@@ -9,14 +9,16 @@ from typing import Final
 
 import numpy as np
 
-from leastaction.errors import ProjectionError
+from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.io import Motion
 from leastaction.mechanics import Mechanism
 from leastaction.optimal import Callback, IterationRecord, Method, OptimizationResult, Shooting, Status
 from leastaction_marionette.choices import Follow
 from leastaction_marionette.markers import with_places
 from leastaction_marionette.tracking.found import CUT_SHORT, STUCK, Effort, TrackingRun, TrackingSearch
-from leastaction_marionette.tracking.limits import FIRST_KINDS, PuppetLimits
+from leastaction_marionette.tracking.growing import grown
+from leastaction_marionette.tracking.limits import FIRST_KINDS, KINDS, PuppetLimits
+from leastaction_marionette.tracking.pace import Pace
 from leastaction_marionette.tracking.plan import Curve, TrackingPlan
 from leastaction_marionette.tracking.poses import hanging
 from leastaction_marionette.tracking.problem import TrackingProblem
@@ -33,6 +35,14 @@ _GAINED = 0.999  # share of its cost with which it is worth to go on from where 
 # one optimisation leads to the next, and most is gained with the first, whose longer steps are cheap.
 _HANGING, _PLANNED, _TIED, _TIED_SLOWLY = 1e-6, 1e-2, 3e-3, 1e-3
 _SHARE = 0.05  # of the time may go into checkpoints
+_LOST = 2.0  # share of the cost of a minimum that what was left behind costs where it is no better
+_PLAN_PATIENCE = 150  # iterations of a plan, which then grows from a smaller one
+# Parts of the cost that ten iterations hardly change: where strings on bars are tied loosely, and firmly but not last.
+_HARDLY, _HARDLY_FIRM = 0.002, 0.005
+_CREPT = "The search creeps, and was made from elsewhere: what was left behind is nearer. Go on with --resume."
+_STOPPED = "Ctrl-C ended the search for another way: this is the best motion found before."
+_GROWING = "the motion found cannot be followed: ever larger parts of the wanted one are"
+_THERE = "The expected decrease of the cost is below the tolerance; what limits are off by is settled on rods."
 _STILL = "the motion found cannot be followed: it begins with a puppet that hangs still"
 
 
@@ -88,6 +98,12 @@ class Tracker:
     shooting: Shooting = "single"
     earlier: OptimizationResult | None = None
     kinds: frozenset[str] = FIRST_KINDS  # of limits that are stated
+    grows: bool = True  # whether a motion that grows is tried where this one is stuck or creeps, on no bars
+
+    @property
+    def stepped(self) -> Motion:
+        """The motion with the steps that it is followed with for the time being."""
+        return self.motion if self.slow is None else self.slow
 
     @property
     def ties(self) -> Ties | None:
@@ -100,6 +116,11 @@ class Tracker:
         return self.ties is not None and not self.ties.firm
 
     @property
+    def may_grow(self) -> bool:
+        """Whether there is another way where it is stuck or creeps."""
+        return self.grows and self.ties is None and not self.hangs
+
+    @property
     def scale(self) -> float:
         """By how many steps the motion has more than it is followed with for the time being."""
         return 1.0 if self.slow is None else (len(self.motion.t) - 1) / (len(self.slow.t) - 1)
@@ -108,7 +129,7 @@ class Tracker:
         """Return one with the plan of its motion and mechanism; ``hangs``: with the weights of gentle motions."""
         problem = TrackingProblem(
             self.mechanism,
-            self.motion if self.slow is None else self.slow,
+            self.stepped,
             self.weights or (GENTLE if hangs else FORCED),
             self.limits,
             follow=self.follow,
@@ -199,6 +220,9 @@ def improved(tracker: Tracker) -> tuple[Tracker, OptimizationResult]:
             best, start = result.cost, tracker.plan.inside(result.x, result.u, result.cost)
             tracker = replace(tracker, earlier=None, start=start)
             continue
+        stuck = result.status in (*STUCK, Status.ITERATION_LIMIT)
+        if stuck and tracker.left > 0 and tracker.may_grow:
+            return _better(tracker, result)
         more = tracker.plan.broken(result.x) - tracker.kinds
         if not more or tracker.left < 1 or result.status in CUT_SHORT:
             return tracker, result
@@ -206,18 +230,66 @@ def improved(tracker: Tracker) -> tuple[Tracker, OptimizationResult]:
         tracker = replace(tracker, kinds=tracker.kinds | more, start=result, earlier=None)
 
 
+def _better(tracker: Tracker, result: OptimizationResult) -> tuple[Tracker, OptimizationResult]:
+    """Return what following ever larger parts of the motion leads to, or a result that is stuck or creeps.
+
+    The latter where it is nearer: much nearer, if the former is a minimum.
+    """
+    coarse = tracker.with_longer_steps()
+    tracker.say(_GROWING)
+    try:
+        found = grown(coarse.plan, coarse.stepped, tracker.say)
+        start = found.initial
+        if coarse.slow is not None:
+            start = tracker.plan.inside(*tracker.plan.finer(coarse.plan, *start), coarse.scale * found.cost)
+        effort = replace(
+            tracker.effort,
+            optimisations=tracker.effort.optimisations + len(found.stages),
+            iterations=tracker.effort.iterations + found.iterations,
+        )
+        begun = replace(tracker, start=start, earlier=None, kinds=frozenset(KINDS), effort=effort, grows=False)
+        other, other_result = improved(begun)
+    except (ArgumentError, ProjectionError):
+        return tracker, result
+    except KeyboardInterrupt:
+        return tracker, replace(result, status=Status.INTERRUPTED, message=_STOPPED)
+    if result.cost > (1.0 / _LOST if other_result.success else 1.0) * other_result.cost:
+        return other, other_result
+    tracker = replace(tracker, start=None, earlier=result, effort=other.effort, left=other.left, grows=False)
+    if tracker.left < 1 or result.status in STUCK or other_result.status in CUT_SHORT:
+        return replace(tracker, earlier=None), result
+    tracker.say("what was left behind is nearer: goes on with that")
+    return improved(tracker)
+
+
 def _optimised(tracker: Tracker) -> OptimizationResult:
     """Return what one optimisation finds from where it stands, within the limits that are stated."""
-    plan = tracker.plan
+    plan, ties = tracker.plan, tracker.ties
+    # Strings on bars may be tied so loosely that an optimisation only leads to the next, or not for the last time.
+    passes = ties is not None and ties.weight < FIRM[0]
+    leads_on = tracker.may_grow if ties is None else ties.weight < FIRM[-1]
+    hardly = 0.0 if ties is None or not leads_on else _HARDLY if passes else _HARDLY_FIRM
+    pace, tolerance = Pace(hardly=hardly, earlier=tracker.earlier), _tolerance(tracker)
+    ended: Status | None = None
 
     def watch(record: IterationRecord) -> object:
+        nonlocal ended
+
         def now() -> TrackingRun | TrackingSearch:
             found = record.snapshot()
             return tracker.as_search(found) if tracker.varies else tracker.run_of(found, counted=False)
 
         if record.gap == 0.0:
             tracker.kept(now)
-        return tracker.callback is not None and tracker.callback(record)
+        if tracker.callback is not None and tracker.callback(record):
+            return True
+        creeps = pace.creeps(record)
+        # What limits are off by where strings on bars are tied is mended where these become rods.
+        if ties is not None and not passes and pace.is_there(record, tolerance):
+            ended = Status.CONVERGED
+        elif leads_on and creeps:
+            ended = Status.ITERATION_LIMIT
+        return ended is not None
 
     result = optimize(
         plan.system,
@@ -228,8 +300,8 @@ def _optimised(tracker: Tracker) -> OptimizationResult:
         free_start=plan.mechanism.coordinates,
         shooting=tracker.shooting,
         method=tracker.method,
-        max_iterations=tracker.left,
-        tolerance=_tolerance(tracker) if tracker.tolerance is None else tracker.tolerance,
+        max_iterations=min(tracker.left, _PLAN_PATIENCE) if tracker.may_grow else tracker.left,
+        tolerance=tolerance,
         callback=watch,
     )
     if result.status is Status.INTERRUPTED and result.gap > 0.0:
@@ -237,11 +309,15 @@ def _optimised(tracker: Tracker) -> OptimizationResult:
     if result.status is Status.INTERRUPTED and tracker.varies:
         # There may be no motion near it on strings that keep their lengths.
         tracker.kept(lambda: tracker.as_search(result), at_once=True)
-    return result
+    if ended is None:
+        return result
+    return replace(result, status=ended, message=_THERE if ended is Status.CONVERGED else _CREPT)
 
 
 def _tolerance(tracker: Tracker) -> float:
-    """Return the tolerance of a puppet that began hanging, of a plan, or of strings that are tied firmly."""
+    """Return the tolerance: the user's, or that of a puppet that began hanging, a plan, or strings tied firmly."""
+    if tracker.tolerance is not None:
+        return tracker.tolerance
     if tracker.ties is None or tracker.ties.weight < FIRM[0]:
         return _HANGING if tracker.hangs else _PLANNED
     return _TIED if tracker.slow is None else _TIED_SLOWLY
