@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from leastaction import Mechanism, MidpointVI, QuadraticCost, tx
-from leastaction.errors import ArgumentError, ResultFileError
+from leastaction.errors import ArgumentError, ProjectionError, ResultFileError
 from leastaction.io import Motion
 from leastaction.io.results import save_record
 from leastaction.mechanics import JointForce
@@ -33,6 +33,8 @@ from leastaction_marionette.tracking import (
     TrackingSearch,
     TrackingWeights,
     files,
+    growing,
+    limits,
     load_run,
     load_unfinished,
     motors,

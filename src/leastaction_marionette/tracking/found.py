@@ -83,8 +83,9 @@ class TrackingRun:
         On strings of prescribed lengths, with the gains that hold the motion; its states are
         ``[q; rho; p; v_rho; lam]``.
     plan : OptimizationResult
-        The optimiser's own, by tensions, of which `result` says the same. Its states are ``[q; rho; p; v_rho]``, its
-        inputs the tensions and the next places of the upper ends.
+        The optimiser's own, by tensions, of which `result` says the same, or of a run that was cut short a motion near
+        it in which strings pull. Its states are ``[q; rho; p; v_rho]``, its inputs the tensions and the next places of
+        the upper ends.
     kinds : frozenset of str
         The kinds of limits that were stated, of those that `PuppetLimits` has; the motion keeps to the others anyway.
     follow : {"joints", "markers"}

@@ -168,15 +168,17 @@ class Tracker:
             kinds=self.kinds,
         )
 
-    def run_of(self, found: OptimizationResult, *, counted: bool = True) -> TrackingRun:
-        """Return a result as a run; ``counted``: as of `as_search`."""
+    def run_of(
+        self, found: OptimizationResult, *, counted: bool = True, pulling: OptimizationResult | None = None
+    ) -> TrackingRun:
+        """Return a result as a run; ``counted``: as of `as_search`; ``pulling``: the same with strings that pull."""
         names, problem = body_of(self.mechanism), self.plan.problem
         body = Motion(names, problem.t, problem.reference[:, : len(names)], self.motion.source)
         return TrackingRun(
             mechanism=self.mechanism,
             motion=body if problem.markers is None else with_places(body, problem.markers),
             embedded=not self.hangs,
-            result=by_lengths(self.plan, found),
+            result=by_lengths(self.plan, pulling or found),
             plan=found,
             kinds=self.kinds,
             limits=self.limits,
@@ -185,12 +187,14 @@ class Tracker:
         )
 
     def ended(self, found: OptimizationResult) -> TrackingRun:
-        """Return what was found as a run whose strings pull, wherever it ended."""
-        result = self.plan.pulling(found)
+        """Return what was found as a run whose strings pull, wherever it ended; it goes on where it was."""
+        pulling = self.plan.pulling(found)
+        if not (np.isfinite(found.x).all() and np.isfinite(found.u).all()):
+            found = pulling
         try:
-            return self.run_of(result)
+            return self.run_of(found, pulling=pulling)
         except KeyboardInterrupt:  # too late to stop anything, and no reason to lose what there is
-            return self.run_of(result)
+            return self.run_of(found, pulling=pulling)
 
 
 def improved(tracker: Tracker) -> tuple[Tracker, OptimizationResult]:
