@@ -84,8 +84,7 @@ def _loaded(path: str | os.PathLike[str], *kinds: type[TrackingRun | TrackingSea
     try:
         record = load_record(path, *kinds)
         found = record.content
-        for result in (found.result, found.plan) if isinstance(found, TrackingRun) else (found.result,):
-            check_result(result, str(path))
+        check_result(found.result, str(path))
         _check(found)
     except ResultFileError:
         raise

@@ -112,9 +112,10 @@ class TrackingRun:
     provenance: Provenance = field(default_factory=Provenance.now, metadata=_NOT_RECORDED)
 
     def __post_init__(self) -> None:
-        if cast("Trajectory | None", self.trajectory) is None:
+        x, u = self.result.x, self.result.u
+        if cast("Trajectory | None", self.trajectory) is None and np.isfinite(x).all() and np.isfinite(u).all():
             system = MidpointSystem(MidpointVI(self.mechanism), self.motion.t, multipliers=True)
-            object.__setattr__(self, "trajectory", system.trajectory(self.result.x, self.result.u))
+            object.__setattr__(self, "trajectory", system.trajectory(x, u))
 
     @property
     def source(self) -> str:
