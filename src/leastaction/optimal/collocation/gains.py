@@ -45,7 +45,7 @@ def regulator_along(
     return gains
 
 
-class _Piece(NamedTuple):
+class _PieceAhead(NamedTuple):
     """A piece, and the steps within it as far as no cost to go is known at its end.
 
     ``begin``, ``end``: times (s). ``moves`` (n, nx, m): where steps lead, by the state that they begin with and the
@@ -92,7 +92,7 @@ class _Backwards:
             np.hstack([values, np.zeros((len(values), self.nu))]), (self.nu * (self.nx + 1),)
         )
 
-    def _along(self, piece: _Piece, P: Array, *, may_halve: bool) -> tuple[Array, Array] | None:
+    def _along(self, piece: _PieceAhead, P: Array, *, may_halve: bool) -> tuple[Array, Array] | None:
         """Return the gains at the points of a piece and P at its begin; None where it is too long or has no minimum."""
         before = self._steps(piece, slice(-1), P)
         if before is None:
@@ -116,7 +116,7 @@ class _Backwards:
         tail = np.maximum(coefficients[-1], 0.1 * coefficients[-2])
         return bool((tail > _CLOSE * size + 1e-300).any())
 
-    def _steps(self, piece: _Piece, which: slice, P: Array) -> Array | None:
+    def _steps(self, piece: _PieceAhead, which: slice, P: Array) -> Array | None:
         """Return P (n, nx, nx) where some steps begin, by that where they end; None where there is no minimum."""
         moves, nx = piece.moves[which], self.nx
         H = piece.H[which] + moves.transpose(0, 2, 1) @ P @ moves
@@ -128,7 +128,7 @@ class _Backwards:
         found = H[:, :nx, :nx] - mixed.transpose(0, 2, 1) @ np.linalg.solve(by_u, mixed)
         return np.asarray(0.5 * (found + found.transpose(0, 2, 1)))
 
-    def _pieces(self, breaks: Array) -> list[_Piece]:
+    def _pieces(self, breaks: Array) -> list[_PieceAhead]:
         """Return pieces, one after the other, and the steps within them, all made at once."""
         begins, ends = breaks[:-1], breaks[1:]
         middles, points = 0.5 * (begins + ends), Mesh(breaks).t
@@ -141,12 +141,12 @@ class _Backwards:
             strict=True,
         )  # fmt: skip
         return [
-            _Piece(*piece, ModelSamples(*(part[i * POINTS : (i + 1) * POINTS] for part in here)))
+            _PieceAhead(*piece, ModelSamples(*(part[i * POINTS : (i + 1) * POINTS] for part in here)))
             for i, piece in enumerate(each)
         ]
 
     def _made(self, starts: Array, ends: Array) -> tuple[Array, Array]:
-        """Return where steps between times lead, and what they cost, as of `_Piece`."""
+        """Return where steps between times lead, and what they cost, as of `_PieceAhead`."""
         n, nx, nu = len(starts), self.nx, self.nu
         h = (ends - starts)[:, None, None]
         t = starts[:, None] + h[:, 0] * NODES
