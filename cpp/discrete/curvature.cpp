@@ -52,8 +52,10 @@ void SecondOrder::hessian(double dt, const FirstOrder& first) {
     add_forces(dt);  // which leaves q_mid_ and all that by_time_step() needs
     if (turned_) add_bends(dt);
     if (turned_) add_instant_forces();  // whose turns are those of the start alone
+    const bool at_ends = turned_ && (nc_ > 0 || prescribed_turns_ || !mechanism_.instant_forces.empty());
+    if (at_ends) begin_turned_ends();
     add_constraints();
-    if (turned_) turn_constraints();
+    if (at_ends) turn_ends();
     add_products(first);
 }
 
@@ -223,12 +225,15 @@ void SecondOrder::add_constraints() {
         for_each_entry(constraint, dual_at1_, dual_q1_.data(), dual_local_,
                        [&](int i, int j, const Dual<double>& bend) {
                            if (i <= j) W_thth_(i, j) -= lam[c] * bend.d;
+                           if (turned_) note_bend_at_start(i, j, -lam[c] * bend.v);
                        });
+        if (turned_) note_constraint_at_start(c);
         for (std::size_t i = 0; i < constraint.support().size(); ++i)
             W_yth_(nd_ + c, constraint.support()[i]) -= dual_local_.gradient[i].d;  // d(Dh mu)/dq1
         if (prescribed_turns_) continue;
         for_each_entry(constraint, at2_, end(), local_,
                        [&](int i, int j, double bend) { add_22(i, j, mu_[nd_ + c] * bend); });
+        if (turned_) note_constraint_at_end(c);
     }
 }
 

@@ -61,7 +61,7 @@ public:
 private:
     void set_multipliers(const FirstOrder& first);
     // Where rotations are quaternions (turned_curvature.cpp): what comes before all else, after each kind of element, after
-    // add_forces(), and after add_constraints().
+    // add_forces(), and around add_constraints().
     void begin_balls();
     void place_balls();       // in q_mid_
     void place_dual_balls();  // in dual_q_ and dual_q1_
@@ -71,9 +71,15 @@ private:
     void add_turned_potential(const ConfigurationFunction& potential);
     void add_turned_forces(double dt);
     void add_bends(double dt);
-    void turn_constraints();
-    double& entry(int a, int b);                // of (q1, q2) by (q1, q2), a kept triangle of it
-    void add_ends(int a, int b, double value);  // of what is symmetric there, called for (a, b) and (b, a)
+    // Around add_constraints(): what it tells of both ends, and what becomes of it.
+    void begin_turned_ends();
+    void note_bend_at_start(int i, int j, double bend);
+    void note_constraint_at_start(int c);
+    void note_constraint_at_end(int c);
+    void turn_ends();
+    TurnedAxis axis_at_start(const Ball& ball) const;  // of mu
+    double& entry(int a, int b);                       // of (q1, q2) by (q1, q2), a kept triangle of it
+    void add_ends(int a, int b, double value);         // of what is symmetric there, called for (a, b) and (b, a)
     void add_input(int i, int input, double start, double end);
     // Of i and j, both ways, by the start and the end of either.
     void add_both(int i, int j, double ss, double se, double es, double ee) {

@@ -101,9 +101,9 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
         const Turning::Matrix6 bend = step.own_bend(b);
         for (int i = 0; i < 3; ++i)
             for (int j = 0; j < 3; ++j) {
-                Y[(at + i) * ld + at + j] -= bend(i, j);
-                P2[(at + i) * ld + at + j] += bend(3 + i, j);
-                G_y(at + i, at + j) += bend(3 + i, 3 + j);
+                Y[(at + i) * ld + at + j] -= bend.aa(i, j);
+                P2[(at + i) * ld + at + j] += bend.ba(i, j);
+                G_y(at + i, at + j) += bend.bb(i, j);
             }
         if (nc == 0 && mechanism.instant_forces.empty()) continue;
         Eigen::Vector3d slope = Eigen::Vector3d::Zero();

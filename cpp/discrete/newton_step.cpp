@@ -313,7 +313,7 @@ bool MidpointStep::factor_tree(double dt) {
     for (std::size_t b = 0; b < ball_turns_.size(); ++b) {
         ball_turns_[b].by_ends = turned_middle_.by_ends(b);
         for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j) ball_turns_[b].more[i][j] = bends_[b](i, 3 + j);
+            for (int j = 0; j < 3; ++j) ball_turns_[b].more[i][j] = bends_[b].ab(i, j);
     }
     element_matrix(dt, [&](int i, int j, double value) {
         const int ball = turned_middle_.ball_of(i);
@@ -370,7 +370,7 @@ bool MidpointStep::factor_dense(double dt) {
         const int at = mechanism_->balls[b].variable;
         if (at >= nd_) continue;
         for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j) M[(at + i) * newton_.stride + at + j] += bends_[b](i, 3 + j);
+            for (int j = 0; j < 3; ++j) M[(at + i) * newton_.stride + at + j] += bends_[b].ab(i, j);
     }
     make_gradients();
     return newton_.factor(C1_.data(), C2_.data(), nq_);
@@ -394,11 +394,8 @@ Turning::Matrix6 MidpointStep::own_bend(std::size_t b) const {
     std::copy_n(&raw_end_[at], 3, rows + 3);
     turnings_[b].turn_rows(rows, rows + 3);
     Turning::Matrix6 out = bends_[b];
-    for (int i = 0; i < 6; ++i) {
-        const int first = i < 3 ? 0 : 3, u = first + (i + 1) % 3, v = first + (i + 2) % 3;  // e_u x e_v = e_i
-        out(v, u) += 0.5 * rows[i];
-        out(u, v) -= 0.5 * rows[i];
-    }
+    out.aa = out.aa + 0.5 * crossing({rows[0], rows[1], rows[2]});
+    out.bb = out.bb + 0.5 * crossing({rows[3], rows[4], rows[5]});
     return out;
 }
 

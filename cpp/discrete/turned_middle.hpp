@@ -60,8 +60,7 @@ private:
     using Matrix6 = Turning::Matrix6;
     // A map from (q, v) of three variables to three new ones, without what it keeps: weights of each old one by the new.
     struct Change {
-        Eigen::Array4d q_by_q[3], q_by_v[3], v_by_q[3], v_by_v[3];
-        void set(const Matrix6& of, double kept);
+        Turning::Matrix3 q_by_q, q_by_v, v_by_q, v_by_v;
     };
     struct Ends {
         int first;
