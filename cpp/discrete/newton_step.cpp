@@ -18,10 +18,6 @@ constexpr int max_halvings = 8;
 constexpr double fresh_price = 0.5;   // of a new Newton matrix, in iterations
 constexpr double same_point = 1e-14;  // relative moves below this leave the Newton matrix exact
 
-bool is_free_slide(const Joint& joint, int n_dynamic) {
-    return joint.axis >= Axis::tx && joint.axis <= Axis::tz && joint.simple && joint.variable < n_dynamic;
-}
-
 }  // namespace
 
 MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const MidpointSettings& settings)
@@ -194,15 +190,7 @@ void MidpointStep::evaluate(double dt) {
         p2[i] = half_slope + momentum + kp * f_[i];
         size = std::max({size, std::abs(p1[i]), std::abs(half_slope), std::abs(momentum), std::abs(km * f_[i])});
     }
-    if (!turnings_.empty()) {
-        for (int i = 0; i < nd_; ++i) {
-            residual[i] -= p1[i];
-            raw_start_[i] = residual[i];
-            raw_end_[i] = p2[i];
-        }
-        turn_rows(residual.data(), p2.data(), nd_);
-        for (int i = 0; i < nd_; ++i) residual[i] += p1[i];
-    }
+    if (!turnings_.empty()) turn_residual();
     if (loops_) {
         size = std::max(size, loops_->subtract_forces(start_, lam.data(), residual.data()));
         std::copy(end_.value.begin(), end_.value.end(), residual.begin() + nd_);
@@ -264,21 +252,21 @@ template <class Add>
 void MidpointStep::element_matrix(double dt, const Add& add) {
     const Mechanism& m = *mechanism_;
     const double km = kappa_minus(settings_.split, dt), kp = kappa_plus(settings_.split, dt);
-    const auto add_row = [&](int i, int j, double at_q, double at_v, double by_q, double by_v) {
-        turned_middle_.spread(i, at_q, at_v, [&](int k, double start, double) {
-            turned_middle_.spread(j, by_q, by_v, [&](int l, double, double end) { add(k, l, start * end); });
-        });
-    };
     const double at_v = 0.5 * dt * (kp - km);  // of fd- and fd+ as one row at the middle
-    for (const auto& [i, slot] : m.damping) add_row(i, i, km + kp, at_v, 0.0, -m.numbers[slot]);
-    for_each_entry(m.potentials, lagrangian_.at, q_mid_.data(), local_, [&](int i, int j, double bend) {
-        if (i < nd_ && j < nd_) add_row(i, j, dt, 0.0, -bend, 0.0);
+    turned_middle_.visit([&](const auto& turned) {
+        const auto add_row = [&](int i, int j, double at_q, double at_v, double by_q, double by_v) {
+            if (i >= nd_ || j >= nd_) return;
+            spread(turned, i, at_q, at_v, [&](int k, double start, double) {
+                spread(turned, j, by_q, by_v, [&](int l, double, double end) { add(k, l, start * end); });
+            });
+        };
+        for (const auto& [i, slot] : m.damping) add_row(i, i, km + kp, at_v, 0.0, -m.numbers[slot]);
+        for_each_entry(m.potentials, lagrangian_.at, q_mid_.data(), local_,
+                       [&](int i, int j, double bend) { add_row(i, j, dt, 0.0, -bend, 0.0); });
+        if (!with_forces_) return;
+        const auto by_variable = [&](int i, int j, double f_q, double f_v) { add_row(i, j, km + kp, at_v, f_q, f_v); };
+        for_each_entry(m.forces, middle(), force_, by_variable, [](int, int, double) {});
     });
-    if (!with_forces_) return;
-    const auto by_variable = [&](int i, int j, double f_q, double f_v) {
-        if (i < nd_ && j < nd_) add_row(i, j, km + kp, at_v, f_q, f_v);
-    };
-    for_each_entry(m.forces, middle(), force_, by_variable, [](int, int, double) {});
 }
 
 bool MidpointStep::refresh(double dt, bool in_tree) {
@@ -332,7 +320,7 @@ void MidpointStep::list_entries() {
 bool MidpointStep::factor_dense(double dt) {
     if (own_entries_.empty()) list_entries();
     lagrangian_.hessian();
-    turned_middle_.turn(lagrangian_.pairs);
+    if (turned_middle_.turns()) turned_middle_.turn(lagrangian_.pairs);
     newton_.clear();
     double* M = newton_.M.data();
     const PairDerivatives& d = lagrangian_.pairs;
@@ -350,7 +338,7 @@ bool MidpointStep::factor_dense(double dt) {
     }
     for (int i = 0; i < nd_; ++i) note_inertia(i, diagonal_[i]);
     element_matrix(dt, [&](int i, int j, double value) { M[i * newton_.stride + j] += value; });
-    add_bends();
+    if (turned_middle_.turns()) add_bends();
     make_gradients();
     return newton_.factor(C1_.data(), C2_.data(), nq_);
 }
@@ -368,94 +356,9 @@ void MidpointStep::add_bends() {
     }
 }
 
-// And half the commutator, u x v of each end.
-Turning::Matrix6 MidpointStep::own_bend(std::size_t b) const {
-    const int at = mechanism_->balls[b].variable;
-    double rows[6];
-    std::copy_n(&raw_start_[at], 3, rows);
-    std::copy_n(&raw_end_[at], 3, rows + 3);
-    turnings_[b].turn_rows(rows, rows + 3);
-    Turning::Matrix6 out = bends_[b];
-    for (int i = 0; i < 6; ++i) {
-        const int first = i < 3 ? 0 : 3, u = first + (i + 1) % 3, v = first + (i + 2) % 3;  // e_u x e_v = e_i
-        out(v, u) += 0.5 * rows[i];
-        out(u, v) -= 0.5 * rows[i];
-    }
-    return out;
-}
-
-const PairDerivatives& MidpointStep::kernel_pairs() {
-    if (!turnings_.empty()) {
-        lagrangian_.hessian();
-        factored_at_solution_ = false;
-    }
-    return lagrangian_.pairs;
-}
-
-void MidpointStep::turn_rows(double* start, double* end, int n) const {
-    for (std::size_t b = 0; b < turnings_.size(); ++b) {
-        const int at = mechanism_->balls[b].variable;
-        if (at < n) turnings_[b].turn_rows(start + at, end + at);
-    }
-}
-
-void MidpointStep::turn_ends() {
-    const Mechanism& m = *mechanism_;
-    turnings_.clear();
-    std::copy(q2.begin(), q2.begin() + nq_, placed_.begin());
-    for (const Ball& ball : m.balls) {
-        const double *phi = &q2[ball.variable], *start = &q1[ball.quaternion];
-        turnings_.emplace_back(phi);
-        std::fill_n(&q_mid_[ball.variable], 3, 0.0);
-        std::fill_n(&placed_[ball.variable], 3, 0.0);
-        turnings_.back().turn_half(start, &q_mid_[ball.quaternion]);
-        turnings_.back().turn_whole(start, &placed_[ball.quaternion]);
-        std::copy_n(&placed_[ball.quaternion], 4, &q2[ball.quaternion]);
-    }
-}
-
 void MidpointStep::place_prescribed() {
     if (!mechanism_->balls.empty()) turn_ends();
     place(mechanism_->prescribed_constraint_joints, end(), at2_);
-}
-
-// dphi = d + phi x s + c phi x (phi x d) with s = beta/2, d = beta.
-void MidpointStep::turn_correction() {
-    for (std::size_t b = 0; b < turnings_.size(); ++b) {
-        const Ball& ball = mechanism_->balls[b];
-        if (!ball.prescribed) turnings_[b].end_to_phi(&correction_[ball.variable]);
-    }
-}
-
-// What is left of F1, a covector at q1, goes on with the momentum: p2 = p1 + dt L_q + (fd- + fd+) - Dh(q1)' lam. Of balls the
-// same in the world, where a turn of everything moves both ends and the middle alike.
-void MidpointStep::hand_on_momentum() {
-    const Mechanism& m = *mechanism_;
-    for (int i = 0; i < nd_; ++i) p2[i] += residual[i];
-    for (std::size_t b = 0; b < turnings_.size(); ++b) {
-        const Ball& ball = m.balls[b];
-        const int at = ball.variable;
-        if (ball.prescribed) continue;
-        double carried[3];
-        for (int i = 0; i < 3; ++i) {
-            carried[i] = p1[at + i];
-            for (int c = 0; c < nc_; ++c) carried[i] -= C1_[c * nq_ + at + i] * lam[c];
-        }
-        const Vec3<double> torque = turnings_[b].torque(&raw_start_[at], &raw_end_[at]);
-        Vec3<double> in_world = turned(&q1[ball.quaternion], {carried[0], carried[1], carried[2]}) +
-                                turned(&q_mid_[ball.quaternion], torque);
-        // What is left to the slides of a free joint went on along them, which changes its moment.
-        Vec3<double> moved, left;
-        for (int j = m.joints[ball.joint].parent; j >= 0 && is_free_slide(m.joints[j], nd_); j = m.joints[j].parent) {
-            const int i = m.joints[j].variable;
-            const Vec3<double>& along = lagrangian_.at.twist[j].v;
-            moved += (q2[i] - q1[i]) * along;
-            left += residual[i] * along;
-        }
-        in_world = in_world - cross(moved, left);
-        const Vec3<double> in_body = turned(&placed_[ball.quaternion], in_world, -1.0);
-        p2[at] = in_body.x, p2[at + 1] = in_body.y, p2[at + 2] = in_body.z;
-    }
 }
 
 // Whether a new Newton matrix is cheaper than going on with the old one. Within a step the contraction decides. At its
@@ -527,7 +430,7 @@ StepReport MidpointStep::solve(double dt, bool known) {
         lam_kept_ = lam;
         for (int i = 0; i < nd_ + nc_; ++i) correction_[i] = -residual[i];
         newton_.solve(correction_.data(), correction_.data() + nd_);
-        turn_correction();
+        if (!turnings_.empty()) turn_correction();
         double moved = 0;
         for (int i = 0; i < nd_; ++i) {
             q2[i] += correction_[i];
@@ -537,7 +440,12 @@ StepReport MidpointStep::solve(double dt, bool known) {
         for (int c = 0; c < nc_; ++c) lam[c] += correction_[nd_ + c];
         if (known && factored_at_solution_) break;
     }
-    if (!known) hand_on_momentum();
+    if (!known) {
+        // What is left of F1, a covector at q1, goes on with the momentum, so that what symmetries keep is kept:
+        // p2 = p1 + dt L_q + (fd- + fd+) - Dh(q1)' lam.
+        for (int i = 0; i < nd_; ++i) p2[i] += residual[i];
+        if (!turnings_.empty()) hand_on_turns();
+    }
     report.rank_deficient = newton_.rank_deficient();
     if (report.rank_deficient) newton_.take_least_norm(C1_.data(), nq_, lam.data());
     return report;

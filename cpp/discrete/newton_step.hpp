@@ -146,9 +146,10 @@ public:
 
 private:
     void turn_ends();          // of balls: turnings_, their quaternions in q2 and end_
+    void turn_residual();      // and their rows of residual and p2
     void place_prescribed();   // what constraints see at the end that no dynamic variable moves
     void turn_correction();    // of balls: from turns of the end to changes of phi
-    void hand_on_momentum();   // makes p2 such that what symmetries keep is kept, whatever is left of the residual
+    void hand_on_turns();      // of balls, what is left of the residual
     void evaluate(double dt);  // residuals and p2 at (q2, lam)
     double largest_residual(const std::vector<double>& scale) const;
     // Newton matrix at the point of the last evaluate(), by the O(n) solver if `in_tree` and it can.
