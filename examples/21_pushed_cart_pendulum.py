@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import leastaction as la
-from leastaction.control import MPC, ClosedLoop, KalmanFilter, close_loop, monte_carlo
+from leastaction.control import MPC, ClosedLoop, KalmanFilter, monte_carlo
 from leastaction.costs import tracking
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.viz import save_png
@@ -36,9 +36,9 @@ def run(rng: np.random.Generator) -> ClosedLoop:
     mpc = MPC(model, cost, [la.Bound("x-force", -80.0, 80.0), la.Bound("x", -1.0, 1.0)])
     kalman = KalmanFilter(model, measure=["x", "theta"], noise=1e-3, process={"p_*": 0.02}, x=UP, spread=0.05)
     plant = la.MidpointVI(cart_pendulum(bob_mass=rng.uniform(1.0, 1.4)))
-    start = UP + np.array([0.0, 0.05 * rng.standard_normal(), 0.0, 0.0])
+    start = [0.0, np.pi + 0.05 * rng.standard_normal()]
     sensors = {"measure": ["x", "theta"], "noise": 1e-3, "delay": 0.02, "estimator": kalman}
-    return close_loop(plant, mpc, start, T, **sensors, disturbance=knock, seed=int(rng.integers(1000)))
+    return la.simulate(plant, start, None, T, inputs=mpc, **sensors, disturbance=knock, seed=int(rng.integers(1000)))
 
 
 def main(output: Path, runs: int = 8) -> ClosedLoop:

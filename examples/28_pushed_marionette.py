@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import leastaction as la
-from leastaction.control import MPC, ClosedLoop, close_loop
+from leastaction.control import MPC, ClosedLoop
 from leastaction.models.marionette import marionette, rest_pose
 from leastaction.viz import BLUE, VERMILION, new_figure, save_png, styled
 
@@ -33,14 +33,14 @@ def controller(start: np.ndarray) -> MPC:
     return MPC(system, cost, [la.Bound("*", min=0.0, of="tension"), la.Bound("v_*", -1.5, 1.5)])
 
 
-def run(start: np.ndarray, law: object, steps: int) -> ClosedLoop:
+def run(start: la.mechanics.State, law: object, steps: int) -> ClosedLoop:
     """Return the loop that is knocked."""
 
     def knock(t: float, _: np.ndarray) -> np.ndarray:
         name, size = KNOCKS.get(round(t / DT), (M.dynamic[0], 0.0))
         return np.where(np.arange(M.nx) == M.nq + M.dynamic.index(name), size, 0.0)
 
-    return close_loop(VI, law, start, DT * np.arange(steps + 1), disturbance=knock)
+    return la.simulate(VI, start, None, DT * np.arange(steps + 1), inputs=law, disturbance=knock)
 
 
 @styled
@@ -62,9 +62,9 @@ def compared(loops: dict[str, ClosedLoop]) -> Figure:
 
 def main(output: Path, steps: int = 380) -> ClosedLoop:
     """Run it with hands that act and with hands that stand still, print and draw."""
-    start = VI.start(rest_pose(M)).x
-    loops = {"hands that act": run(start, controller(start), steps)}
-    loops["hands that stand still"] = run(start, lambda _t, _x: start[M.nd : M.nq], steps)
+    start = VI.start(rest_pose(M))
+    loops = {"hands that act": run(start, controller(start.x), steps)}
+    loops["hands that stand still"] = run(start, lambda _t, _x: start.q[M.nd :], steps)
     figure = compared(loops)
     for label, loop in loops.items():
         off = 100.0 * np.hypot(loop["torso_tx"], loop["torso_ty"])

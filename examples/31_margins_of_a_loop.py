@@ -17,7 +17,6 @@ import numpy as np
 from scipy.optimize import minimize
 
 import leastaction as la
-from leastaction.control import close_loop
 from leastaction.control.bridge.python_control import state_space
 from leastaction.viz import BLUE, ORANGE, new_figure, save_png
 
@@ -54,7 +53,7 @@ def main(output: Path) -> tuple[float, dict[float, bool]]:
     t, held, runs = DT * np.arange(601), {}, {}
     for delay in DT * np.round(np.array([0.5, 0.85, 1.2]) * bears / DT):
         law = lambda _, x: HELD - gains @ [[x[0] - ALOFT], [x[1] / INERTIA]]  # noqa: E731 - x[1] is its momentum
-        runs[delay] = run = close_loop(la.MidpointVI(ARM, threads=1), law, [ALOFT + 0.02, 0.0], t, delay=delay)
+        runs[delay] = run = la.simulate(la.MidpointVI(ARM), [ALOFT + 0.02], None, t, inputs=law, delay=delay)
         away = np.abs(run["elbow"] - ALOFT)
         held[float(delay)] = run.failure is None and bool(away[-100:].max() < 0.5 * away[:200].max())
         print(f"{1e3 * delay:.0f} ms late it is {'held' if held[float(delay)] else 'lost'}")

@@ -62,7 +62,7 @@ Continuous::Continuous(std::shared_ptr<const Mechanism> mechanism, double dampin
             massless_joints_.push_back(joint);
     std::sort(massless_joints_.begin(), massless_joints_.end());
     if (mechanism_->plain && !mechanism_->rotors_couple && TreeNewton::is_faster(*mechanism_))
-        tree_ = std::make_unique<TreeNewton>(*mechanism_);
+        tree_ = std::make_unique<TreeNewton>(*mechanism_, false);
     double above = 0;
     for (int k = 0; k < nd_; ++k) above += static_cast<double>(mechanism_->coupled[k].size());
     tree_for_derivatives_ = above > deep_on_average * nd_;

@@ -15,8 +15,6 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
     const Mechanism& mechanism = step.mechanism();
     const int nd = mechanism.n_dynamic, nk = mechanism.n_kinematic, nq = nd + nk, nc = mechanism.n_constraints();
     const int at_p = nq, at_u = nq + nd, at_rho2 = at_u + mechanism.n_inputs, at_h = n_theta;
-    const double km = kappa_minus(step.split(), dt), kp = kappa_plus(step.split(), dt);
-    const ForcePoint<double> middle = step.middle();
 
     // The right-hand side -F_th, solved in place for Y, and the direct part of dp2/dth; G_y = dp2/dq2.
     std::fill(Y.begin(), Y.end(), 0.0);
@@ -42,8 +40,10 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
     });
     for (int i = 0; i < nd; ++i) Y[i * ld + at_p + i] = -1.0;
     // Rows of elements at the middle: weights by q_i and v_i, times derivatives by q_j and v_j.
-    const double force_at_v = 0.5 * dt * (kp - km);  // of fd- and fd+ as one row at the middle
     step.turned_middle().visit([&](const auto& turned) {
+        const ForcePoint<double> middle = step.middle();
+        const double km = kappa_minus(step.split(), dt), kp = kappa_plus(step.split(), dt);
+        const double force_at_v = 0.5 * dt * (kp - km);  // of fd- and fd+ as one row at the middle
         const auto add_row = [&](int i, int j, double at_q, double at_v, double by_q, double by_v) {
             if (i >= nd) return;
             spread(turned, i, at_q, at_v, [&](int k, double start, double end) {

@@ -125,7 +125,7 @@ struct Layout {
             for (int i = 0; i < nq; ++i) by_x[m.external[i]] = row[i];
             for (int i = 0; i < nd; ++i) by_x[nq + m.external[i]] = row[nq + i];
         }
-        std::copy(row + nq + nd, row + theta, by_u);
+        if (nu > 0) std::copy(row + nq + nd, row + theta, by_u);
     }
     // The same for all of th: which entries stand where among the states and inputs.
     std::vector<SecondOrder::Run> runs() const {

@@ -38,6 +38,7 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
     if (!mechanism_->balls.empty())
         for (auto* a : {&raw_start_, &raw_end_}) sized(*a, nq);
     bends_.resize(mechanism_->balls.size());
+    ball_turns_.resize(mechanism_->balls.size());
     if (mechanism_->time_slot >= 0) by_time_ = std::make_unique<TimeSlopes>(*mechanism_);
     for (auto* a : {&p1, &p2, &f_, &q2_kept_, &root_inertia_, &diagonal_, &inertia_}) sized(*a, nd);
     sized(u, mechanism_->n_inputs);
@@ -53,16 +54,16 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
         const double turn = std::sqrt(w.x * w.x + w.y * w.y + w.z * w.z);
         joint.each_term([&](int i, double factor) { turn_[i] = std::max(turn_[i], turn * std::abs(factor)); });
     }
-    const bool fits = mechanism_->plain && mechanism_->only_tree_couples && mechanism_->balls.empty();
+    const bool fits = mechanism_->plain && mechanism_->only_tree_couples;
     if (fits && (settings.solver == Solver::tree ||
                  (settings.solver == Solver::automatic && TreeNewton::is_faster(*mechanism_))))
-        tree_ = std::make_unique<TreeNewton>(*mechanism_);
+        tree_ = std::make_unique<TreeNewton>(*mechanism_, true);
     if ((settings.solver == Solver::loops || settings.solver == Solver::automatic) && LoopNewton::fits(*mechanism_)) {
         loops_ = std::make_unique<LoopNewton>(*mechanism_);
         if (settings.solver == Solver::automatic && !loops_->is_faster()) loops_.reset();
     }
     if (loops_) {
-        if (!tree_) tree_ = std::make_unique<TreeNewton>(*mechanism_);
+        if (!tree_) tree_ = std::make_unique<TreeNewton>(*mechanism_, true);
         start_ = end_ = loops_->make_constraints();
     } else {
         for (auto* a : {&C1_, &C2_}) sized(*a, nc_ * nq);
@@ -95,12 +96,14 @@ void MidpointStep::make_gradients() {
 
 void MidpointStep::place_start() {
     at1_.time = t;
-    place(mechanism_->constraint_joints, q1.data(), at1_);
-    if (loops_) {
-        loops_->evaluate(at1_, start_);
-        have_C1_ = have_C2_ = false;
-    } else {
-        constraint_gradients(at1_, q1.data(), C1_.data());
+    if (nc_ > 0) {
+        place(mechanism_->constraint_joints, q1.data(), at1_);
+        if (loops_) {
+            loops_->evaluate(at1_, start_);
+            have_C1_ = have_C2_ = false;
+        } else {
+            constraint_gradients(at1_, q1.data(), C1_.data());
+        }
     }
     have_factors_ = have_pivots_ = have_limit_ = false;
     old_rate_ = no_contraction;
@@ -160,7 +163,9 @@ void MidpointStep::advance() {
     have_limit_ = false;
 }
 
-void MidpointStep::evaluate_middle(double dt) {
+void MidpointStep::evaluate_middle(double dt) { middle_of(dt); }
+
+inline void MidpointStep::middle_of(double dt) {
     for (int i = 0; i < nq_; ++i) {
         q_mid_[i] = 0.5 * (q1[i] + q2[i]);
         v_[i] = (q2[i] - q1[i]) / dt;
@@ -172,14 +177,16 @@ void MidpointStep::evaluate_middle(double dt) {
 }
 
 void MidpointStep::evaluate(double dt) {
-    evaluate_middle(dt);
-    at2_.time = t + dt;
-    place(mechanism_->free_constraint_joints, end(), at2_);
-    if (loops_) {
-        loops_->evaluate(at2_, end_);
-        have_C2_ = false;
-    } else {
-        constraint_gradients(at2_, end(), C2_.data());
+    middle_of(dt);
+    if (nc_ > 0) {
+        at2_.time = t + dt;
+        place(mechanism_->free_constraint_joints, end(), at2_);
+        if (loops_) {
+            loops_->evaluate(at2_, end_);
+            have_C2_ = false;
+        } else {
+            constraint_gradients(at2_, end(), C2_.data());
+        }
     }
 
     const double km = kappa_minus(settings_.split, dt), kp = kappa_plus(settings_.split, dt);
@@ -251,9 +258,9 @@ void MidpointStep::add_elements() {
 template <class Add>
 void MidpointStep::element_matrix(double dt, const Add& add) {
     const Mechanism& m = *mechanism_;
-    const double km = kappa_minus(settings_.split, dt), kp = kappa_plus(settings_.split, dt);
-    const double at_v = 0.5 * dt * (kp - km);  // of fd- and fd+ as one row at the middle
     turned_middle_.visit([&](const auto& turned) {
+        const double km = kappa_minus(settings_.split, dt), kp = kappa_plus(settings_.split, dt);
+        const double at_v = 0.5 * dt * (kp - km);  // of fd- and fd+ as one row at the middle
         const auto add_row = [&](int i, int j, double at_q, double at_v, double by_q, double by_v) {
             if (i >= nd_ || j >= nd_) return;
             spread(turned, i, at_q, at_v, [&](int k, double start, double) {
@@ -296,8 +303,17 @@ bool MidpointStep::factor_tree(double dt) {
         const JointVectors at = lagrangian_.vectors(joint);
         note_inertia(i, std::inner_product(at.S, at.S + 6, at.AB, inertia_[i]));
     }
-    element_matrix(dt, [&](int i, int, double value) { diagonal_[i] += value; });
-    if (!tree_->factor(lagrangian_, dt, diagonal_.data())) return false;
+    if (turned_middle_.turns()) make_ball_turns();
+    element_matrix(dt, [&](int i, int j, double value) {
+        const int ball = turned_middle_.ball_of(i);
+        if (ball < 0) {
+            diagonal_[i] += value;
+        } else {
+            const int first = mechanism_->balls[ball].variable;
+            ball_turns_[ball].more[i - first][j - first] += value;
+        }
+    });
+    if (!tree_->factor(lagrangian_, dt, diagonal_.data(), ball_turns_.data())) return false;
     if (loops_ && !loops_fail_) {
         if (loops_->factor(lagrangian_, dt, diagonal_.data(), start_, end_)) {
             newton_.take(*tree_, *loops_);
@@ -343,22 +359,11 @@ bool MidpointStep::factor_dense(double dt) {
     return newton_.factor(C1_.data(), C2_.data(), nq_);
 }
 
-void MidpointStep::add_bends() {
-    for (std::size_t b = 0; b < turnings_.size(); ++b) {
-        const Ball& ball = mechanism_->balls[b];
-        if (ball.prescribed) continue;
-        const double *start = &raw_start_[ball.variable], *end = &raw_end_[ball.variable];
-        const Vec3<double> from{start[0], start[1], start[2]}, to{end[0], end[1], end[2]};
-        bends_[b] = by_ends(turnings_[b].bend(from + to, 0.5 * (to - from)));
-        for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j)
-                newton_.M[(ball.variable + i) * newton_.stride + ball.variable + j] += bends_[b](i, 3 + j);
-    }
-}
-
 void MidpointStep::place_prescribed() {
+    const std::vector<int>& joints = mechanism_->prescribed_constraint_joints;
+    if (joints.empty()) return;
     if (!mechanism_->balls.empty()) turn_ends();
-    place(mechanism_->prescribed_constraint_joints, end(), at2_);
+    place(joints, end(), at2_);
 }
 
 // Whether a new Newton matrix is cheaper than going on with the old one. Within a step the contraction decides. At its

@@ -145,19 +145,22 @@ public:
     const std::vector<double>& mobility() const { return mobility_; }
 
 private:
-    void turn_ends();          // of balls: turnings_, their quaternions in q2 and end_
-    void turn_residual();      // and their rows of residual and p2
-    void place_prescribed();   // what constraints see at the end that no dynamic variable moves
-    void turn_correction();    // of balls: from turns of the end to changes of phi
-    void hand_on_turns();      // of balls, what is left of the residual
+    void turn_ends();         // of balls: turnings_, their quaternions in q2 and end_
+    void turn_residual();     // and their rows of residual and p2
+    void place_prescribed();  // what constraints see at the end that no dynamic variable moves
+    void turn_correction();   // of balls: from turns of the end to changes of phi
+    void hand_on_turns();     // of balls, what is left of the residual
+    inline void middle_of(double dt);
     void evaluate(double dt);  // residuals and p2 at (q2, lam)
     double largest_residual(const std::vector<double>& scale) const;
     // Newton matrix at the point of the last evaluate(), by the O(n) solver if `in_tree` and it can.
     bool refresh(double dt, bool in_tree);
     bool factor_tree(double dt);
     bool factor_dense(double dt);
-    void add_bends();       // of balls, to the Newton matrix
-    void make_gradients();  // C1_ and C2_, where loops_ made do without
+    void make_bends();       // of balls
+    void add_bends();        // to the dense Newton matrix
+    void make_ball_turns();  // for tree_, with them
+    void make_gradients();   // C1_ and C2_, where loops_ made do without
     void make_start_gradients();
     void list_entries();
     void add_elements();  // forces into f_, potentials into L_q
@@ -205,6 +208,7 @@ private:
     std::vector<double> q_mid_, v_, f_, still_;
     std::vector<Turning> turnings_;
     TurnedMiddle turned_middle_;
+    std::vector<BallTurn> ball_turns_;                  // for tree_
     std::vector<Turning::Matrix6> bends_;               // by ball and the ends of its step: what no pair of joints has
     std::vector<double> placed_, raw_start_, raw_end_;  // and the rows D1Ld + fd- and D2Ld + fd+ before they are turned
     std::unique_ptr<TimeSlopes> by_time_;               // null where nothing changes with the time

@@ -74,6 +74,8 @@ public:
     void each_field_end(int i, const F& f) const {
         if (ball_of_[i] >= 0) balls_[ball_of_[i]].field_ends.each(i, f);
     }
+    // (theta, theta') of a ball by turns of the start and the end.
+    const Turning::Matrix6& by_ends(std::size_t ball) const { return balls_[ball].ends.by; }
     int ball_of(int variable) const { return ball_of_[variable]; }  // -1: none
 
 private:

@@ -54,6 +54,35 @@ void MidpointStep::turn_correction() {
     }
 }
 
+void MidpointStep::make_bends() {
+    for (std::size_t b = 0; b < turnings_.size(); ++b) {
+        const Ball& ball = mechanism_->balls[b];
+        if (ball.prescribed) continue;
+        const double *start = &raw_start_[ball.variable], *end = &raw_end_[ball.variable];
+        const Vec3<double> from{start[0], start[1], start[2]}, to{end[0], end[1], end[2]};
+        bends_[b] = by_ends(turnings_[b].bend(from + to, 0.5 * (to - from)));
+    }
+}
+
+void MidpointStep::add_bends() {
+    make_bends();
+    for (std::size_t b = 0; b < turnings_.size(); ++b) {
+        const int at = mechanism_->balls[b].variable;
+        if (at >= nd_) continue;
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) newton_.M[(at + i) * newton_.stride + at + j] += bends_[b](i, 3 + j);
+    }
+}
+
+void MidpointStep::make_ball_turns() {
+    make_bends();
+    for (std::size_t b = 0; b < ball_turns_.size(); ++b) {
+        ball_turns_[b].by_ends = turned_middle_.by_ends(b);
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) ball_turns_[b].more[i][j] = bends_[b](i, 3 + j);
+    }
+}
+
 // And half the commutator, u x v of each end.
 Turning::Matrix6 MidpointStep::own_bend(std::size_t b) const {
     const int at = mechanism_->balls[b].variable;

@@ -96,7 +96,8 @@ constexpr auto all_series = [] {
     }
     return out;
 }();
-constexpr double series_below = 1.0;  // of y
+constexpr double series_below = 1.0;  // of y, to rounding; and with half of the terms
+constexpr double half_of_series_below = 0.0625;
 
 void multiply(const double* q, double w, double x, double y, double z, double* p) {
     p[0] = q[0] * w - q[1] * x - q[2] * y - q[3] * z, p[1] = q[0] * x + q[1] * w + q[2] * z - q[3] * y;
@@ -139,8 +140,9 @@ Vec3<double> turned(const double* quaternion, const Vec3<double>& a, double sens
 Turning::Turning(const double* phi) : phi_{phi[0], phi[1], phi[2]} {
     const double y = dot(phi_, phi_);
     if (y < series_below) {
-        Series sum = Eigen::Map<const Series>(all_series[n_terms - 1].data());
-        for (int k = n_terms - 2; k >= 0; --k) sum = sum * y + Eigen::Map<const Series>(all_series[k].data());
+        const int last = (y < half_of_series_below ? n_terms / 2 : n_terms) - 1;
+        Series sum = Eigen::Map<const Series>(all_series[last].data());
+        for (int k = last - 1; k >= 0; --k) sum = sum * y + Eigen::Map<const Series>(all_series[k].data());
         c_ = sum[0], c1_ = sum[1], c2_ = sum[2], tau_ = sum[3], tau1_ = sum[4], tau2_ = sum[5];
         cosine_ = sum[6], sine_ = sum[7];
         return;

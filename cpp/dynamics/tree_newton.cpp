@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
+#include <utility>
 
 namespace leastaction {
 
@@ -15,6 +17,16 @@ constexpr int large = 64;
 // A pivot below this part of the terms that it is the sum of has no digits left.
 constexpr double lost_pivot = 1e-12;
 
+using Inverse = std::array<std::array<double, 3>, 3>;
+
+template <class T>
+void multiply(const Inverse& by, T* d) {
+    const T r[3] = {d[0], d[1], d[2]};
+    for (int k = 0; k < 3; ++k) d[k] = by[k][0] * r[0] + by[k][1] * r[1] + by[k][2] * r[2];
+}
+
+bool is_lost(double pivot, double size) { return !(std::abs(pivot) > lost_pivot * size) || !std::isfinite(pivot); }
+
 }  // namespace
 
 bool TreeNewton::is_faster(const Mechanism& mechanism) {
@@ -23,23 +35,26 @@ bool TreeNewton::is_faster(const Mechanism& mechanism) {
     return deepest >= deep || mechanism.n_dynamic > large;
 }
 
-TreeNewton::TreeNewton(const Mechanism& mechanism) {
+TreeNewton::TreeNewton(const Mechanism& mechanism, bool turning) {
+    const int n = mechanism.n_dynamic, n_massive = mechanism.n_massive;
+    std::vector<int> ball_of(n_massive, -1);
+    for (std::size_t b = 0; turning && b < mechanism.balls.size(); ++b)
+        if (!mechanism.balls[b].prescribed) std::fill_n(&ball_of[mechanism.balls[b].joint], 3, static_cast<int>(b));
     // Joints whose variable is kinematic are skipped: children belong to the next dynamic joint above.
-    const int n = mechanism.n_dynamic;
-    std::vector<int> node_of(mechanism.n_massive, -1), parent(n, -1), children(n + 1, 0);
-    for (int joint = 0; joint < mechanism.n_massive; ++joint) {
-        const int above = mechanism.joints[joint].parent;
+    std::vector<int> node_of(n_massive, -1), parent, children(n + 1, 0);
+    for (int joint = 0; joint < n_massive; ++joint) {
+        const int above = mechanism.joints[joint].parent, ball = ball_of[joint];
         const int parent_node = above < 0 ? -1 : node_of[above];
         const int variable = mechanism.joints[joint].variable;
         node_of[joint] = parent_node;
-        if (variable >= n) continue;
-        node_of[joint] = variable;
-        parent[variable] = parent_node;
+        if (variable >= n || (ball >= 0 && joint > mechanism.balls[ball].joint)) continue;
+        node_of[joint] = static_cast<int>(nodes_.size());
+        parent.push_back(parent_node);
         ++children[parent_node + 1];
-        nodes_.push_back({joint});
+        nodes_.push_back({joint, variable, ball});
     }
     int slots = 1;
-    for (int i = 0; i < n; ++i) {
+    for (std::size_t i = 0; i < nodes_.size(); ++i) {
         Node& node = nodes_[i];
         node.parent_slot = parent[i] < 0 ? 0 : nodes_[parent[i]].slot;
         const bool only_child = parent[i] >= 0 && children[parent[i] + 1] == 1;
@@ -49,147 +64,289 @@ TreeNewton::TreeNewton(const Mechanism& mechanism) {
         slots = std::max(slots, node.slot + 1);
     }
     std::vector<char> seen(n + 1, 0);
-    for (int i = n - 1; i >= 0; --i) {
+    for (std::size_t i = nodes_.size(); i-- > 0;) {
         nodes_[i].is_last_child = !seen[parent[i] + 1];
         seen[parent[i] + 1] = 1;
     }
     factors_.resize(n);
+    inverses_.resize(mechanism.balls.size());
     P_.resize(slots);
     sums_.resize(slots);
     wide_sums_.resize(static_cast<std::size_t>(slots) * rank);
 }
 
-bool TreeNewton::factor(const Lagrangian<double>& lagrangian, double dt, const double* diagonal) {
+bool TreeNewton::factor(const Lagrangian<double>& lagrangian, double dt, const double* diagonal,
+                        const BallTurn* turns) {
     const double quarter = 0.25 * dt, rate = 1.0 / dt;
-    return eliminate([&](int i, int joint, Vector& a, Factors& at) {
-        const JointVectors vectors = lagrangian.vectors(joint);
+    return eliminate<true>([&](const Node& node, Vector* u, Vector* w, Factors* at, Block& block) {
+        if (node.ball >= 0) return load_ball(lagrangian, node.joint, dt, turns[node.ball], u, w, at, block);
+        const JointVectors vectors = lagrangian.vectors(node.joint);
         for (int k = 0; k < 6; ++k) {
             const double S = vectors.S[k], W = vectors.W[k], even = -rate * S - quarter * vectors.G[k], odd = 0.5 * W;
-            at.b[k] = even + odd;
-            at.c[k] = even - odd;
-            at.b[6 + k] = 0.5 * S - quarter * W;
-            at.c[6 + k] = -0.5 * S - quarter * W;
+            at->b[k] = even + odd;
+            at->c[k] = even - odd;
+            at->b[6 + k] = 0.5 * S - quarter * W;
+            at->c[6 + k] = -0.5 * S - quarter * W;
         }
-        a = Eigen::Map<const Vector>(vectors.AB);
-        return diagonal[i];
+        *u = *w = Eigen::Map<const Vector>(vectors.AB);
+        block[0][0] = diagonal[node.variable];
     });
+}
+
+void TreeNewton::load_ball(const Lagrangian<double>& lagrangian, int joint, double dt, const BallTurn& turn, Vector* u,
+                           Vector* w, Factors* at, Block& block) {
+    using Half = Eigen::Array<double, 6, 1>;
+    const SmallMatrix<6>& by = turn.by_ends;
+    const JointVectors joints[3] = {lagrangian.vectors(joint), lagrangian.vectors(joint + 1),
+                                    lagrangian.vectors(joint + 2)};
+    const double half = 0.5 * dt, four = 4.0 / dt;
+    const auto put = [](const Half& first, const Half& second, Vector& to) {
+        Eigen::Map<Half>(to.data()) = first;
+        Eigen::Map<Half>(to.data() + 6) = second;
+    };
+    for (int k = 0; k < 3; ++k)
+        for (const int end : {0, 3}) {
+            Half X = Half::Zero(), Y = Half::Zero(), A = Half::Zero(), B = Half::Zero();
+            for (int l = 0; l < 3; ++l) {
+                const double x = by(l, end + k), n = by(3 + l, end + k);
+                const Eigen::Map<const Half> S(joints[l].S), W(joints[l].W), G(joints[l].G), A_l(joints[l].AB),
+                    B_l(joints[l].AB + 6);
+                X += n * S - x * W;
+                Y -= x * G;
+                A += x * A_l;
+                B += x * B_l + n * A_l;
+            }
+            if (end == 0) {
+                put(half * Y + X, half * X, at[k].c);
+                put(2.0 * A, 2.0 * B + four * A, u[k]);
+            } else {
+                put(half * Y - X, half * X, at[k].b);
+                put(2.0 * A, 2.0 * B - four * A, w[k]);
+            }
+        }
+    SmallMatrix<6> own{};
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j <= i; ++j) {
+            const Eigen::Map<const Half> A(joints[i].AB), B(joints[i].AB + 6), S(joints[j].S), W(joints[j].W),
+                G(joints[j].G);
+            own(i, j) = own(j, i) = -(B * W + A * G).sum();
+            own(3 + i, 3 + j) = own(3 + j, 3 + i) = (A * S).sum();
+            own(3 + i, j) = own(j, 3 + i) = -(A * W).sum();
+            own(i, 3 + j) = own(3 + j, i) = (B * S).sum();
+        }
+    own = transposed_product(by, own * by);
+    for (int k = 0; k < 3; ++k)
+        for (int l = 0; l < 3; ++l) block[k][l] = dt * own(k, 3 + l) + turn.more[k][l];
 }
 
 bool TreeNewton::factor(const NewtonEuler& bodies, const double* diagonal) {
-    return eliminate([&](int i, int joint, Vector& a, Factors& at) {
-        const Motion<double>& S = bodies.at.twist[joint];
-        at.b << S.v.x, S.v.y, S.v.z, S.w.x, S.w.y, S.w.z, 0, 0, 0, 0, 0, 0;
-        at.c = at.b;
-        const double* Y = bodies.inertia_vector(joint);
-        a << Y[0], Y[1], Y[2], Y[3], Y[4], Y[5], 0, 0, 0, 0, 0, 0;
-        return diagonal[i];
+    return eliminate<false>([&](const Node& node, Vector* u, Vector* w, Factors* at, Block& block) {
+        const Motion<double>& S = bodies.at.twist[node.joint];
+        at->b << S.v.x, S.v.y, S.v.z, S.w.x, S.w.y, S.w.z, 0, 0, 0, 0, 0, 0;
+        at->c = at->b;
+        const double* Y = bodies.inertia_vector(node.joint);
+        *u << Y[0], Y[1], Y[2], Y[3], Y[4], Y[5], 0, 0, 0, 0, 0, 0;
+        *w = *u;
+        block[0][0] = diagonal[node.variable];
     });
 }
 
-template <class Load>
+template <bool turning, class Load>
 bool TreeNewton::eliminate(const Load& load) {
-    for (int i = static_cast<int>(nodes_.size()) - 1; i >= 0; --i) {
-        const Node& node = nodes_[i];
-        Factors& at = factors_[i];
-        Vector u;
-        const double diagonal = load(i, node.joint, u, at);
-        Vector w = u;
-
-        // Of an only child the update of P is still to be done: it shares the pass over P with the products.
-        Projection& P = P_[node.slot];
-        if (node.has_only_child) {
-            const Factors& child = factors_[i + 1];
-            for (int r = 0; r < rank; ++r) {
-                const Vector column = P.columns[r] - child.u[r] * child.w, row = P.rows[r] - child.w[r] * child.u;
-                P.columns[r] = column;
-                P.rows[r] = row;
-                w += at.b[r] * column;
-                u += at.c[r] * row;
-            }
-        } else if (node.is_leaf) {
-            for (int r = 0; r < rank; ++r) P.columns[r] = P.rows[r] = Vector::Zero();
-        } else {
-            for (int r = 0; r < rank; ++r) {
-                w += at.b[r] * P.columns[r];
-                u += at.c[r] * P.rows[r];
+    for (std::size_t n = nodes_.size(); n-- > 0;) {
+        if constexpr (turning) {
+            if (nodes_[n].ball >= 0) {
+                if (!eliminate_node<3>(n, load)) return false;
+                continue;
             }
         }
-        const Vector terms = u * at.b;
-        const double pivot = terms.sum() + diagonal;
-        const double size = terms.abs().sum() + std::abs(diagonal);
-        if (!(std::abs(pivot) > lost_pivot * size) || !std::isfinite(pivot)) return false;
-        at.reciprocal = 1.0 / pivot;
-        at.w = w;
-        at.u = u * at.reciprocal;
-        if (node.joins_sum()) {
-            Projection& sum = P_[node.parent_slot];
-            for (int r = 0; r < rank; ++r) {
-                const Vector column = P.columns[r] - at.u[r] * at.w, row = P.rows[r] - at.w[r] * at.u;
-                sum.columns[r] = node.is_last_child ? column : Vector(sum.columns[r] + column);
-                sum.rows[r] = node.is_last_child ? row : Vector(sum.rows[r] + row);
-            }
-        }
+        if (!eliminate_node<1>(n, load)) return false;
     }
     return true;
 }
 
+// Adds P b to w and P'c to u. Of an only child with `below` variables the update of P is still to be done: it shares the pass
+// over P with the products.
+template <int size, int below>
+void TreeNewton::add_products(Projection& P, const Factors* below_it, Factors* at, Vector* u, Vector* w) {
+    for (int r = 0; r < rank; ++r) {
+        Vector column = P.columns[r], row = P.rows[r];
+        for (int k = 0; k < below; ++k) {
+            column -= below_it[k].u[r] * below_it[k].w;
+            row -= below_it[k].w[r] * below_it[k].u;
+        }
+        if (below > 0) {
+            P.columns[r] = column;
+            P.rows[r] = row;
+        }
+        for (int k = 0; k < size; ++k) {
+            w[k] += at[k].b[r] * column;
+            u[k] += at[k].c[r] * row;
+        }
+    }
+}
+
+template <int size>
+void TreeNewton::join_sum(const Node& node) {
+    const Projection& P = P_[node.slot];
+    Projection& sum = P_[node.parent_slot];
+    const Factors* at = &factors_[node.variable];
+    for (int r = 0; r < rank; ++r) {
+        Vector column = P.columns[r], row = P.rows[r];
+        for (int k = 0; k < size; ++k) {
+            column -= at[k].u[r] * at[k].w;
+            row -= at[k].w[r] * at[k].u;
+        }
+        sum.columns[r] = node.is_last_child ? column : Vector(sum.columns[r] + column);
+        sum.rows[r] = node.is_last_child ? row : Vector(sum.rows[r] + row);
+    }
+}
+
+template <int size, class Load>
+bool TreeNewton::eliminate_node(std::size_t n, const Load& load) {
+    const Node& node = nodes_[n];
+    Factors* at = &factors_[node.variable];
+    Vector u[size], w[size], a[size];
+    Block block;
+    load(node, u, w, at, block);
+    for (int k = 0; k < size; ++k) a[k] = u[k];
+
+    Projection& P = P_[node.slot];
+    if (node.has_only_child) {
+        const Node& child = nodes_[n + 1];
+        if (child.ball < 0)
+            add_products<size, 1>(P, &factors_[child.variable], at, u, w);
+        else
+            add_products<size, 3>(P, &factors_[child.variable], at, u, w);
+    } else if (node.is_leaf) {
+        for (int r = 0; r < rank; ++r) P.columns[r] = P.rows[r] = Vector::Zero();
+    } else {
+        add_products<size, 0>(P, nullptr, at, u, w);
+    }
+    if constexpr (size == 1) {
+        const Vector terms = u[0] * at->b;
+        const double diagonal = block[0][0], pivot = terms.sum() + diagonal;
+        if (is_lost(pivot, terms.abs().sum() + std::abs(diagonal))) return false;
+        at->reciprocal = 1.0 / pivot;
+        at->w = w[0];
+        at->u = u[0] * at->reciprocal;
+    } else {
+        double size_of[3];
+        for (int k = 0; k < 3; ++k) {
+            const Vector behind = u[k] - a[k];
+            size_of[k] = std::abs(block[k][k]) + (behind * at[k].b).abs().sum();
+            for (int l = 0; l < 3; ++l) block[k][l] += (behind * at[l].b).sum();
+        }
+        // Inverted in place, from the last variable on.
+        for (int k = 2; k >= 0; --k) {
+            const double pivot = block[k][k];
+            if (is_lost(pivot, size_of[k])) return false;
+            at[k].reciprocal = 1.0 / pivot;
+            block[k][k] = 1.0;
+            for (int j = 0; j < 3; ++j) block[k][j] *= at[k].reciprocal;
+            for (int i = 0; i < 3; ++i) {
+                if (i == k) continue;
+                const double factor = std::exchange(block[i][k], 0.0);
+                for (int j = 0; j < 3; ++j) block[i][j] -= factor * block[k][j];
+            }
+        }
+        Vector c[3];
+        for (int k = 0; k < 3; ++k) {
+            const double* row = block[k];
+            c[k] = row[0] * at[0].c + row[1] * at[1].c + row[2] * at[2].c;
+            at[k].u = row[0] * u[0] + row[1] * u[1] + row[2] * u[2];
+            at[k].w = w[k];
+            std::copy_n(row, 3, inverses_[node.ball][k].begin());
+        }
+        for (int k = 0; k < 3; ++k) at[k].c = c[k];
+    }
+    if (node.joins_sum()) join_sum<size>(node);
+    return true;
+}
+
+// Calls f(its variables' count, a node).
+template <class F>
+void TreeNewton::by_size(const Node& node, const F& f) {
+    if (node.ball < 0)
+        f(std::integral_constant<int, 1>(), node);
+    else
+        f(std::integral_constant<int, 3>(), node);
+}
+
 void TreeNewton::solve(double* b) {
-    const int n = static_cast<int>(nodes_.size());
     Vector f = Vector::Zero(), x = Vector::Zero();  // along a chain they stay in registers
-    for (int i = n - 1; i >= 0; --i) {
-        const Node& node = nodes_[i];
-        const Factors& at = factors_[i];
+    const auto up = [&](auto size, const Node& node) {
+        const Factors* at = &factors_[node.variable];
+        double* d = b + node.variable;
         if (node.is_leaf)
             f.setZero();
         else if (!node.has_only_child)
             f = sums_[node.slot];
-        b[i] = (b[i] - (at.c * f).sum()) * at.reciprocal;
-        f += b[i] * at.w;
+        if constexpr (size == 1)
+            *d = (*d - (at->c * f).sum()) * at->reciprocal;
+        else {
+            multiply(inverses_[node.ball], d);
+            for (int k = 0; k < size; ++k) d[k] -= (at[k].c * f).sum();
+        }
+        for (int k = 0; k < size; ++k) f += d[k] * at[k].w;
         if (node.joins_sum()) sums_[node.parent_slot] = node.is_last_child ? f : Vector(sums_[node.parent_slot] + f);
-    }
-    sums_[0].setZero();
-    for (int i = 0; i < n; ++i) {
-        const Node& node = nodes_[i];
-        const Factors& at = factors_[i];
+    };
+    const auto down = [&](auto size, const Node& node) {
+        const Factors* at = &factors_[node.variable];
+        double* d = b + node.variable;
         if (node.slot != node.parent_slot) x = sums_[node.parent_slot];
-        b[i] -= (at.u * x).sum();
-        x += b[i] * at.b;
+        for (int k = 0; k < size; ++k) d[k] -= (at[k].u * x).sum();
+        for (int k = 0; k < size; ++k) x += d[k] * at[k].b;
         if (!node.has_only_child) sums_[node.slot] = x;
-    }
+    };
+    for (std::size_t n = nodes_.size(); n-- > 0;) by_size(nodes_[n], up);
+    sums_[0].setZero();
+    for (const Node& node : nodes_) by_size(node, down);
 }
 
 void TreeNewton::solve(double* b, int cols, int ld) {
-    const int n = static_cast<int>(nodes_.size());
     for (int first = 0; first < cols; first += lanes) {
         const auto row = [&](int i) { return Eigen::Map<Wide>(b + static_cast<std::size_t>(i) * ld + first); };
-        for (int i = n - 1; i >= 0; --i) {
-            const Node& node = nodes_[i];
-            const Factors& at = factors_[i];
+        const auto up = [&](auto size, const Node& node) {
+            const Factors* at = &factors_[node.variable];
             Wide* f = &wide_sums_[node.slot * rank];
-            Wide d = row(i);
+            Wide d[size];
+            for (int k = 0; k < size; ++k) d[k] = row(node.variable + k);
+            if constexpr (size == 3) multiply(inverses_[node.ball], d);
             if (node.is_leaf)
                 for (int r = 0; r < rank; ++r) f[r].setZero();
             else
-                for (int r = 0; r < rank; ++r) d -= at.c[r] * f[r];
-            d *= at.reciprocal;
-            row(i) = d;
-            for (int r = 0; r < rank; ++r) f[r] += at.w[r] * d;
+                for (int k = 0; k < size; ++k)
+                    for (int r = 0; r < rank; ++r) d[k] -= at[k].c[r] * f[r];
+            if constexpr (size == 1) d[0] *= at->reciprocal;
+            for (int k = 0; k < size; ++k) {
+                row(node.variable + k) = d[k];
+                for (int r = 0; r < rank; ++r) f[r] += at[k].w[r] * d[k];
+            }
             if (node.joins_sum()) {
                 Wide* sum = &wide_sums_[node.parent_slot * rank];
                 for (int r = 0; r < rank; ++r) sum[r] = node.is_last_child ? f[r] : Wide(sum[r] + f[r]);
             }
-        }
-        for (int r = 0; r < rank; ++r) wide_sums_[r].setZero();
-        for (int i = 0; i < n; ++i) {
-            const Node& node = nodes_[i];
-            const Factors& at = factors_[i];
+        };
+        const auto down = [&](auto size, const Node& node) {
+            const Factors* at = &factors_[node.variable];
             const Wide* above = &wide_sums_[node.parent_slot * rank];
             Wide* x = &wide_sums_[node.slot * rank];
-            Wide d = row(i);
-            for (int r = 0; r < rank; ++r) d -= at.u[r] * above[r];
-            row(i) = d;
-            for (int r = 0; r < rank; ++r) x[r] = above[r] + at.b[r] * d;
-        }
+            Wide d[size];
+            for (int k = 0; k < size; ++k) {
+                d[k] = row(node.variable + k);
+                for (int r = 0; r < rank; ++r) d[k] -= at[k].u[r] * above[r];
+                row(node.variable + k) = d[k];
+            }
+            for (int r = 0; r < rank; ++r) {
+                Wide sum = above[r];
+                for (int k = 0; k < size; ++k) sum += at[k].b[r] * d[k];
+                x[r] = sum;
+            }
+        };
+        for (std::size_t n = nodes_.size(); n-- > 0;) by_size(nodes_[n], up);
+        for (int r = 0; r < rank; ++r) wide_sums_[r].setZero();
+        for (const Node& node : nodes_) by_size(node, down);
     }
 }
 

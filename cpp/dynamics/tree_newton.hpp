@@ -16,15 +16,32 @@
 //   d_i = (r_i - c_i.f - u.x_parent) / pivot,    P_i = P - w u'/pivot,    f_i = f + w (r_i - c_i.f)/pivot,
 //
 // and a sweep from the root gives x and d. Joints whose variable is kinematic have d = 0 and drop out.
+//
+// A ball that turns (discrete/turning.hpp) goes as one, with a pivot of three by three. Turns of its start and its end change its
+// three joints' coordinates by x and their rates by n/dt each, so with X = sum (S n/dt - W x) and Y = -sum G x
+//
+//   b = [dt/2 Y - X; dt/2 X]  and  a = [2 sum x A; 2 sum (x B + n A/dt) - 4/dt sum x A]  (as a column)  of each turn of the end,
+//   c = [dt/2 Y + X; dt/2 X]  and  a = [2 sum x A; 2 sum (x B + n A/dt) + 4/dt sum x A]  (as a row)     of one of the start,
+//
+// which are those above where x = 1/2 and n = -+1. Its own three by three are the second derivatives by its joints, so turned.
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <vector>
 
 #include "dynamics/lagrangian.hpp"
 #include "dynamics/newton_euler.hpp"
+#include "numerics/small_matrix.hpp"
 
 namespace leastaction {
+
+// What the coordinates and the rates of a ball's joints (rows) change by with turns of its start and its end (columns), and
+// what forces and the turns' own second derivatives add to its rows.
+struct BallTurn {
+    SmallMatrix<6> by_ends;
+    double more[3][3];
+};
 
 class TreeNewton {
 public:
@@ -33,11 +50,12 @@ public:
     // Whether it beats the elimination of the matrix itself.
     static bool is_faster(const Mechanism& mechanism);
 
-    explicit TreeNewton(const Mechanism& mechanism);
+    // `turning`: balls are turned, and not three joints as others are.
+    TreeNewton(const Mechanism& mechanism, bool turning);
 
-    // Factors at the point of the last composites(); `diagonal` (n_dynamic) is what forces add. False where a pivot is
-    // lost to rounding.
-    bool factor(const Lagrangian<double>& lagrangian, double dt, const double* diagonal);
+    // Factors at the point of the last composites(); `diagonal` (n_dynamic) is what forces add, `turns` by ball. False where
+    // a pivot is lost to rounding.
+    bool factor(const Lagrangian<double>& lagrangian, double dt, const double* diagonal, const BallTurn* turns);
     // The mass matrix at the point of the last composites(): a = [Y; 0], b = c = [S; 0]; `diagonal` is that of rotors.
     bool factor(const NewtonEuler& bodies, const double* diagonal);
     // Reciprocals of the pivots, by dynamic variable.
@@ -54,31 +72,45 @@ private:
     using Vector = Eigen::Array<double, rank, 1>;
     using Wide = Eigen::Array<double, lanes, 1>;
 
-    // One dynamic variable. Sums live in slots: a node that is an only child works on in its parent's slot, so along a
-    // chain nothing is copied; children of a fork have a slot of their own. Slot 0 is the world.
+    // One dynamic variable, or the three of a ball. Sums live in slots: a node that is an only child works on in its parent's
+    // slot, so along a chain nothing is copied; children of a fork have a slot of their own. Slot 0 is the world.
     struct Node {
-        int joint, slot = 0, parent_slot = 0;
+        int joint, variable, ball;  // -1: none
+        int slot = 0, parent_slot = 0;
         bool is_leaf = false, has_only_child = false, is_last_child = false;
         bool joins_sum() const { return slot != parent_slot && parent_slot > 0; }  // over the children of a fork
     };
     struct Factors {
-        Vector b, c, u, w;  // u is divided by the pivot
+        Vector b, c, u, w;  // u is divided by the pivot; of a ball u and c by its block of pivots
         double reciprocal;
     };
+    using Block = double[3][3];
     // P of a slot by its columns, and once more by its rows: products from both sides are sums of whole vectors.
     struct Projection {
         Vector columns[rank], rows[rank];
     };
 
-    // `load(i, joint, a, factors)` fills a, b and c, and returns the diagonal.
-    template <class Load>
+    // `load(node, u, w, factors, block)` fills u and w with a as a row and as a column, b and c, and the block of one or three
+    // variables by themselves.
+    template <bool turning, class Load>
     bool eliminate(const Load& load);
+    template <int size, class Load>
+    bool eliminate_node(std::size_t n, const Load& load);
+    template <int size, int below>
+    void add_products(Projection& P, const Factors* below_it, Factors* at, Vector* u, Vector* w);
+    template <class F>
+    static void by_size(const Node& node, const F& f);
+    template <int size>
+    void join_sum(const Node& node);
+    static void load_ball(const Lagrangian<double>& lagrangian, int joint, double dt, const BallTurn& turn, Vector* u,
+                          Vector* w, Factors* at, Block& block);
 
-    std::vector<Node> nodes_;  // by dynamic variable: parents first, subtrees in one piece
-    std::vector<Factors> factors_;
-    std::vector<Projection> P_;    // by slot
-    std::vector<Vector> sums_;     // by slot
-    std::vector<Wide> wide_sums_;  // rank by slot
+    std::vector<Node> nodes_;                                     // parents first, subtrees in one piece
+    std::vector<Factors> factors_;                                // by dynamic variable
+    std::vector<std::array<std::array<double, 3>, 3>> inverses_;  // of the blocks of balls
+    std::vector<Projection> P_;                                   // by slot
+    std::vector<Vector> sums_;                                    // by slot
+    std::vector<Wide> wide_sums_;                                 // rank by slot
 };
 
 }  // namespace leastaction

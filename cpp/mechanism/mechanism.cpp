@@ -102,7 +102,10 @@ void note_coupled_variables(Mechanism& m) {
     m.rotors_couple = false;
     by_rotors([&](int, int) { m.rotors_couple = true; });
     m.only_tree_couples = !m.rotors_couple;
-    by_elements([&](int, int) { m.only_tree_couples = false; });
+    by_elements([&](int a, int b) {
+        const auto has_both = [&](const Ball& ball) { return ball.variable <= b && a < ball.variable + 3; };
+        if (std::ranges::none_of(m.balls, has_both)) m.only_tree_couples = false;
+    });
     if (m.plain && m.only_tree_couples) {
         // Each variable meets those of the joints above its own: those of the nearest one, and that one itself.
         std::vector<int> nearest(m.n_massive, -1);  // by joint: its dynamic variable, or that of the next joint above

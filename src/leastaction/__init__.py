@@ -18,7 +18,7 @@ from leastaction._names import lazily
 from leastaction._version import __version__
 
 if TYPE_CHECKING:
-    from leastaction.control import MPC, KalmanFilter, play, simulate_many
+    from leastaction.control import MPC, KalmanFilter, play, simulate, simulate_many
     from leastaction.errors import LeastActionError
     from leastaction.io import open as open  # noqa: A004 - as `gzip.open` is
     from leastaction.io import read_motion
@@ -48,7 +48,6 @@ if TYPE_CHECKING:
         ry,
         rz,
         screw,
-        simulate,
         to_momentum,
         to_velocity,
         twist,
@@ -91,14 +90,14 @@ else:
     __getattr__, __dir__ = lazily(
         __name__,
         {
-            "leastaction.control": "MPC KalmanFilter play simulate_many",
+            "leastaction.control": "MPC KalmanFilter play simulate simulate_many",
             "leastaction.errors": "LeastActionError",
             "leastaction.io": "open read_motion",
             "leastaction.io.mechanisms": "load",
             "leastaction.mechanics": (
                 "Body ContinuousTrajectory Damping Distance Gravity JointForce JointSpring LinearSpring Mechanism "
                 "MidpointVI PointToPoint Trajectory ball equilibrium free pose prismatic project_configuration "
-                "project_velocity revolute rx ry rz screw simulate to_momentum to_velocity twist tx ty tz universal "
+                "project_velocity revolute rx ry rz screw to_momentum to_velocity twist tx ty tz universal "
                 "var world"
             ),
             "leastaction.optimal": (

@@ -5,6 +5,8 @@ from __future__ import annotations
 from leastaction.optimal import (
     ContinuousCost,
     ContinuousCostSum,
+    ContinuousFunctionCost,
+    ContinuousGaussNewton,
     ContinuousQuadraticCost,
     Cost,
     CostGradient,
@@ -32,7 +34,8 @@ __all__ = [  # noqa: RUF022 - by topics
     # In discrete time
     "CostSum", "FunctionCost", "GaussNewton", "OrientationCost", "PlaceCost", "QuadraticCost", "RateCost", "SmoothCost",
     # In continuous time
-    "ContinuousCostSum", "ContinuousOrientationCost", "ContinuousPlaceCost", "ContinuousQuadraticCost",
+    "ContinuousCostSum", "ContinuousFunctionCost", "ContinuousGaussNewton", "ContinuousOrientationCost",
+    "ContinuousPlaceCost", "ContinuousQuadraticCost",
     # Of one's own
     "ContinuousCost", "Cost", "CostGradient", "CostHessian", "RateGradient", "RateHessian",
 ]  # fmt: skip

@@ -333,6 +333,7 @@ def optimal_calls(c: Case, folder: Path) -> dict[str, Callable[[], Any]]:
         "KalmanFilter unscented": lambda: filtered("unscented"),
         "MovingHorizonEstimator": horizon,
         "simulate_many": lambda: control.simulate_many(vi, run.x[[0, 0]], c.t),
+        "ManyRuns": lambda: control.simulate_many(vi, run.x[[0, 0]], c.t).bands().quantiles(hinge),
         "linearize_many": lambda: control.linearize_many(vi, c.t, np.array([run.x]), np.array([run.u])),
         "optimize_many": lambda: control.optimize_many(system, price, [guess, guess], workers=1, max_iterations=1),
         "identify": lambda: identified(),

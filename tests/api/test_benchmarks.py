@@ -9,10 +9,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from benchmarks import timing
+from benchmarks import many, timing
 
 ROOT = Path(__file__).resolve().parents[2]
 GROUPS = {"step", "chain", "lq", "marionette", "cart"}
@@ -158,3 +159,14 @@ def test_captures_that_are_absent_are_skipped(tmp_path: Path) -> None:
     assert walk.startswith("made-up walk")
     assert "MISSED: converges" in walk
     assert "no string pushes" not in walk
+
+
+def test_trials_side_by_side_are_weighed_against_those_that_follow() -> None:
+    """Of five roll-outs two follow a refusal; at the cost of one they would save one, of the half of the time."""
+    trials = many.Trials(np.array([1.0, 1.0, 3.0]), share=0.5)
+    assert trials.gain(1.0) == pytest.approx(0.1)
+    assert trials.gain(3.0) == pytest.approx(-0.1)
+    found = many.searches(2)
+    assert found.rollouts.min() == 1.0
+    assert found.rollouts.max() > 1.0
+    assert 0.0 < found.share < 1.0

@@ -11,13 +11,17 @@ from derivatives.random_tree import random_tree, step_problem
 from leastaction import _core
 from leastaction.mechanics import (
     CoulombFriction,
+    Damping,
     Distance,
+    Element,
     Gravity,
+    JointForce,
     JointSpring,
     LinearSpring,
     Mechanism,
     MidpointVI,
     PointToPoint,
+    project_velocity,
     world,
 )
 from leastaction.models.chain import pendulum_chain
@@ -86,6 +90,43 @@ def test_same_steps_of_a_chain(links: int) -> None:
     dense = run(chain.core, "dense", t, x0, u)
     for solver in ("tree", "automatic"):
         assert_same(run(chain.core, solver, t, x0, u), dense, 1e-10)
+
+
+def ball_tree(*elements: Element) -> Mechanism:
+    """A free base with two arms that hold balls, hinges and a prescribed ball, and a ball with a ball behind it."""
+    solid = {"com": (0.03, 0.1, -0.2), "inertia": (0.02, 0.03, 0.025, 0.001, -0.002, 0.003)}
+    base = world().free("base", mass=3.0, **solid)
+    left = base.tx(0.2).ball("shoulder", mass=1.0, **solid).tz(-0.4).ry("elbow", mass=0.5, **solid)
+    left.tz(-0.4).ball("wrist", mass=0.3, **solid).tz(-0.1, name="fingers")
+    right = base.tx(-0.2).ball("held", kinematic=True, mass=0.4, **solid).tz(-0.3)
+    for name in ("a", "b", "c"):
+        right = right.ball(name, mass=0.4, **solid).tz(-0.3)
+    return Mechanism(base, [Gravity(), *elements])
+
+
+AT_BALLS = (
+    Damping({"shoulder.wx": 0.2, "base.wz": 0.3, "elbow": 0.1}),
+    JointForce("wrist.wy", "twist"),
+    JointSpring("a.wx", 2.0, 0.1),
+)
+
+
+@pytest.mark.parametrize(
+    "elements",
+    [(), AT_BALLS, (Distance("fingers", "world", float(np.hypot(0.2, 0.9))),)],
+    ids=["free", "joints", "rod"],
+)
+def test_same_steps_where_balls_turn(elements: tuple[Element, ...]) -> None:
+    """By far, with and without what acts on their joints; as many iterations as with the matrix itself."""
+    m = ball_tree(*elements)
+    rng = np.random.default_rng(4)
+    q, v = m.configuration(), 4.0 * rng.standard_normal(m.nv)
+    start = MidpointVI(m).start(q, project_velocity(m, q, v).v if m.nc else v)
+    u = np.r_[0.3 * np.ones(m.n_inputs), 0.1, -0.2, 0.05][None].repeat(6, axis=0)
+    t = 0.02 * np.arange(7.0)
+    dense = run(m.core, "dense", t, start.x, u)
+    assert dense.steps == 6
+    assert_same(run(m.core, "tree", t, start.x, u), dense, 1e-11)
 
 
 def test_derivatives_are_those_of_the_dense_solver() -> None:

@@ -66,6 +66,7 @@ def test_a_package_that_is_missing_is_named(
     code, _, err = run(capsys, "examples", 1, "--out", tmp_path)
     assert code == 2
     assert "needs not_there_at_all, which is not installed" in " ".join(err.split())
+    assert listing._extra_of("matplotlib") == "viz"
 
 
 def test_a_built_package_has_them_and_one_without_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -150,3 +150,22 @@ def test_what_is_wrong_is_said():
     with pytest.raises(ArgumentError, match="disturbance: unknown name 'q_"):
         close_loop(system, law, UP, T, disturbance={"q_*": 1.0})
     assert "controller(0, x): got shape (2,)" in close_loop(system, lambda t, x: np.zeros(2), UP, T).failure
+
+
+def test_print_says_what_became_of_a_loop():
+    system = model()
+    run = close_loop(system, controller(system), [0.1, np.pi, 0.0, 0.0], T[:5])
+    said = str(run)
+    assert "4 steps, t = 0 to 0.1 s" in said
+    assert f"ends at x {run['x'][-1]:.4g}, theta {run['theta'][-1]:.4g}, " in said
+    assert f"largest inputs x-force {np.abs(run['x-force']).max():.4g}" in said
+    assert "4 plans, 0 of them not found" in said
+
+    def once(rng: np.random.Generator):
+        return close_loop(
+            system, lambda t, x: [np.nan] if x[0] > 0.0 else [0.0], [rng.uniform(-1.0, 1.0), 0, 0, 0], T[:3]
+        )
+
+    bands = monte_carlo(once, 8)
+    assert f"8 runs to t = 0.05 s, {len(bands.failures)} of them ended early" in str(bands)
+    assert str(bands).count("\nrun ") == len(bands.failures) > 0

@@ -7,7 +7,7 @@ import os
 import numpy as np
 import pytest
 
-from leastaction import MidpointSystem, MidpointVI, QuadraticCost, optimize
+from leastaction import Damping, Gravity, Mechanism, MidpointSystem, MidpointVI, QuadraticCost, free, optimize
 from leastaction.control import Failed, linearize_many, optimize_many, simulate_many, sweep
 from leastaction.errors import ArgumentError, SweepError
 from leastaction.models.cart_pendulum import cart_pendulum
@@ -99,6 +99,23 @@ def test_derivatives_of_many_are_those_of_each(many_starts):
         one = linearize_many(vi, t, many.x[i : i + 1], many.u[i : i + 1])
         np.testing.assert_array_equal(one[0][0], A[i])
         np.testing.assert_array_equal(one[1][0], B[i])
+
+
+def test_derivatives_of_many_motions_with_rotations_are_those_of_each():
+    spun = Mechanism([free("base", mass=1.0, inertia=(0.1, 0.2, 0.3))], [Gravity(), Damping(0.1)])
+    vi, t = MidpointVI(spun), np.linspace(0.0, 0.5, 26)
+    starts = [vi.start({}, {"base.wx": 3.0 * i, "base.wy": 0.1}).x for i in range(1, 4)]
+    runs = simulate_many(vi, starts, t)
+    A, B = linearize_many(vi, t, runs.x, runs.u, threads=2)
+    for i in range(3):
+        theirs = MidpointSystem(vi, t).linearize(np.array(runs.x[i]), np.array(runs.u[i]))
+        np.testing.assert_array_equal(A[i], theirs.A)
+        np.testing.assert_array_equal(B[i], theirs.B)
+        np.testing.assert_array_equal(A[i], linearize_many(vi, t, runs.x[[i]], runs.u[[i]], threads=1)[0][0])
+    x = np.array(runs.x)
+    x[1, 9, 2] += 1e-3
+    with pytest.raises(ArgumentError, match="x: step 8 of instance 1 is none of the mechanism"):
+        linearize_many(vi, t, x, runs.u)
 
 
 def test_what_is_no_motion_has_no_derivatives():
@@ -236,3 +253,19 @@ def test_on_a_cluster_of_dask_it_is_the_same_and_goes_on_where_it_was(tmp_path):
     for one, other in zip(here, there, strict=True):
         np.testing.assert_array_equal(one.x, other.x)
         np.testing.assert_array_equal(one.u, other.u)
+
+
+def test_many_motions_are_bands_of_what_chance_may_do():
+    rng, t = np.random.default_rng(0), 0.02 * np.arange(26)
+    starts = np.zeros((64, 4))
+    starts[:, 1] = 0.1 * rng.standard_normal(64)
+    vi = MidpointVI(cart_pendulum(), threads=1)
+    runs = simulate_many(vi, starts, t)
+    bands = runs.bands()
+    np.testing.assert_array_equal(bands["theta"], runs.x[:, :, 1])
+    low, middle, high = bands.quantiles("theta", (0.0, 0.5, 1.0))
+    np.testing.assert_array_equal(high, runs.x[:, :, 1].max(axis=0))
+    assert (low < middle).all()
+    assert not bands.failures
+    pytest.importorskip("matplotlib").use("Agg")
+    assert [axis.get_ylabel() for axis in bands.plot(["theta", "x-force"]).axes] == ["theta (rad)", "x-force (N)"]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from leastaction import Bound, MidpointSystem, MidpointVI, QuadraticCost, optimize
-from leastaction.control import MPC
+from leastaction.control import MPC, KalmanFilter
 from leastaction.errors import ArgumentError
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.models.marionette import marionette, rest_pose
@@ -254,3 +254,18 @@ def test_nothing_that_a_call_makes_stays(bounded):
     # What is on the way grows with the horizon as motions do, of which it is some: there are no matrices in it.
     motion = 8 * (N - 10) * (4 + 1)
     assert most[1] - most[0] < 20 * motion
+
+
+def test_a_state_is_taken_by_name_and_as_it_is_of_a_mechanism():
+    system = MidpointSystem(MidpointVI(cart_pendulum(), threads=1), 0.02 * np.arange(21))
+    cost = QuadraticCost([0.0, np.pi, 0.0, 0.0], [0.0], Q=[1.0, 10.0, 0.1, 0.1], R=[1e-2])
+    start = system.integrator.start([0.0, np.pi - 0.1])
+    wanted = MPC(system, cost)(start.x, 0.0)
+    for state in (start, {"theta": np.pi - 0.1}):
+        np.testing.assert_array_equal(MPC(system, cost)(state, 0.0), wanted)
+        np.testing.assert_array_equal(MPC(system, cost)(0.0, state), wanted)
+        np.testing.assert_array_equal(MPC(system, cost).prepare(state).u[0], wanted)
+        kalman = KalmanFilter(system, measure=["x"], noise=1.0, process=1.0, x=state)
+        np.testing.assert_array_equal(kalman.x, start.x)
+    with pytest.raises(ArgumentError, match="'tehta'; did you mean 'theta'"):
+        MPC(system, cost)({"tehta": 0.1}, 0.0)

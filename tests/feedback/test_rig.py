@@ -255,8 +255,8 @@ def test_wrong_arguments_are_named(upright: tuple[MidpointSystem, OptimizationRe
     with pytest.raises(ArgumentError, match="rig: got dict, expected a Rig"):
         play(system, plan, {"noise": 0.0})  # type: ignore[arg-type]
     for given, message in (
-        (None, r"plan: got NoneType, expected an OptimizationResult or a pair \(x, u\)$"),
-        (SimpleNamespace(result=plan), "plan: got SimpleNamespace, .*; its result is one"),
+        (None, r"plan: got NoneType, expected a pair \(x, u\)$"),
+        (SimpleNamespace(result=plan), r"plan: got SimpleNamespace, .*; \(plan.result.x, plan.result.u\) is one"),
     ):
         with pytest.raises(ArgumentError, match=message):
             play(system, given)  # type: ignore[arg-type]

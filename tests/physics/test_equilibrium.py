@@ -262,3 +262,15 @@ def test_an_equilibrium_stays_at_rest() -> None:
     vi = MidpointVI(m)
     run = vi.simulate(vi.start(found.q), times(1.0, 100))
     assert np.abs(run.q - found.q).max() < 1e-9
+
+
+def test_print_says_what_was_found() -> None:
+    mechanism = mass_on_string()
+    projected = project_configuration(mechanism, [0.3, -2.0, 1.0])
+    worst = next(iter(projected.correction))
+    assert str(projected).startswith(f"changed {worst!r} {projected.correction[worst]:+.4g}")
+    assert f"in {projected.iterations} steps; the largest residual is that of" in str(projected)
+    found = equilibrium(cart_pendulum(), [0.0, 0.3], hold=["x"])
+    assert str(found).startswith("stable: after a small push it swings about the equilibrium\npotential ")
+    assert f"natural frequencies (rad/s) {found.frequencies[0]:.4g}" in str(found)
+    assert "held by 'x' " in str(found)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from leastaction.control.moving_horizon import MovingHorizonEstimator
     from leastaction.control.predictive import MPC, PredictiveInfo
     from leastaction.control.rigs.play import play
+    from leastaction.control.simulation import simulate
     from leastaction.control.sweeps import Failed, optimize_many, sweep
 else:
     __getattr__, __dir__ = lazily(
@@ -28,6 +29,7 @@ else:
             "leastaction.control.moving_horizon": "MovingHorizonEstimator",
             "leastaction.control.predictive": "MPC PredictiveInfo",
             "leastaction.control.rigs.play": "play",
+            "leastaction.control.simulation": "simulate",
             "leastaction.control.sweeps": "Failed optimize_many sweep",
         },
     )
@@ -35,5 +37,5 @@ else:
 __all__ = [
     "MPC", "ClosedLoop", "Estimate", "Failed", "KalmanFilter", "LoopBands", "ManyRuns",
     "MovingHorizonEstimator", "PredictiveInfo", "SteadyGain", "close_loop", "linearize_many", "lqe", "lqr",
-    "monte_carlo", "optimize_many", "play", "simulate_many", "sweep",
+    "monte_carlo", "optimize_many", "play", "simulate", "simulate_many", "sweep",
 ]  # fmt: skip

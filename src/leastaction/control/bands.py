@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.control.closed_loop import ClosedLoop
-from leastaction.errors import ArgumentError
+from leastaction.errors import ArgumentError, some
 from leastaction.numerics.arrays import Array, as_count, read_only
 from leastaction.numerics.extras import extra
 from leastaction.numerics.public import public
@@ -24,7 +24,7 @@ LoopRun = Callable[[np.random.Generator], ClosedLoop]
 @public
 @dataclass(frozen=True, eq=False)
 class LoopBands:
-    """Many runs of a closed loop.
+    """Many runs of a closed loop, or of a mechanism without one (`ManyRuns.bands`).
 
     Attributes
     ----------
@@ -54,6 +54,16 @@ class LoopBands:
         if name in self.input_names:
             return np.asarray(self.u[:, :, self.input_names.index(name)])
         raise ArgumentError(f"{name!r}: got a name of neither state nor input")
+
+    def __str__(self) -> str:
+        """Say how many runs there are, where they end, and which of them ended early."""
+        lines = [f"{len(self.x)} runs to t = {self.t[-1]:g} s, {len(self.failures)} of them ended early"]
+        if len(self.failures) < len(self.x):
+            low, middle, high = np.nanquantile(self.x[:, -1], (0.05, 0.5, 0.95), axis=0)
+            rows = zip(self.state_names, low, middle, high, strict=True)
+            ends = [f"{name} {b:.4g} ({a:.4g} to {c:.4g})" for name, a, b, c in rows]
+            lines.append(f"ends at, in the middle and nine in ten: {some(ends)}")
+        return "\n".join([*lines, *(f"run {number}: {why}" for number, why in self.failures)])
 
     def quantiles(self, name: str, shares: ArrayLike = (0.05, 0.5, 0.95)) -> Array:
         """Return quantiles over the runs at every instant (len(shares), n), of those that got so far."""

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.control.kalman import check_estimator
-from leastaction.control.plants import plant_of
-from leastaction.control.predictive import MPC
-from leastaction.control.readings import Measured, Readings, Spread, covariance, covariance_of_states
-from leastaction.errors import ArgumentError, LeastActionError
+from leastaction.control.plants import Plant, plant_of
+from leastaction.control.predictive import MPC, PredictiveInfo
+from leastaction.control.readings import Measured, Readings, Spread, Stated, covariance, covariance_of_states
+from leastaction.errors import ArgumentError, LeastActionError, some
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, read_only
 from leastaction.numerics.public import public
 from leastaction.numerics.signals import StateLaw, takes_state
@@ -79,12 +79,32 @@ class ClosedLoop:
             return np.asarray(self.u[:, self.input_names.index(name)])
         raise ArgumentError(f"{name!r}: got a name of neither state nor input")
 
+    def __str__(self) -> str:
+        """Say how far the loop came, where it ended, and what the largest inputs and the estimator came to."""
+        ended = self.failure or f"{len(self.u)} steps, t = {self.t[0]:g} to {self.t[-1]:g} s"
+        lines = [ended, "ends at " + _by_name(self.state_names, self.x[-1])]
+        if self.u.size:
+            lines.append("largest inputs " + _by_name(self.input_names, np.abs(self.u).max(axis=0)))
+        if self.surprise is not None and np.isfinite(self.surprise).any():
+            lines.append(f"mean surprise {np.nanmean(self.surprise):.3g} of {self.y.shape[1]} readings")
+        plans = [
+            info for info in self.infos if isinstance(info, PredictiveInfo)
+        ]  # a controller of one's own says others
+        if plans:
+            missed, slowest = sum(not info.planned for info in plans), 1e3 * max(info.seconds for info in plans)
+            lines.append(f"{len(plans)} plans, {missed} of them not found; the slowest took {slowest:.3g} ms")
+        return "\n".join(lines)
+
+
+def _by_name(names: tuple[str, ...], values: Array) -> str:
+    return some([f"{name} {value:.4g}" for name, value in zip(names, values, strict=True)])
+
 
 @public
 def close_loop(
     plant: object,
     controller: MPC | StateLaw,
-    x: ArrayLike,
+    x: Stated,
     t: ArrayLike,
     *,
     measure: Measured | None = None,
@@ -104,12 +124,13 @@ def close_loop(
         other discrete system makes one of its own steps to each; what is in continuous time is integrated.
     controller : MPC or callable
         Or a law ``(t, x) -> (nu,)`` such as `Feedback`. It is given estimates, or readings without an estimator.
-    x : array_like (nx,)
-        Where the plant begins.
+    x : array_like (nx,), State or mapping of str to float
+        Where the plant begins; by name what is not given is zero.
     t : array_like (N+1,)
         When the controller is asked (s), the end included.
     measure : str, sequence of str, Quantity, callable or array_like, optional
-        What is read, as of `KalmanFilter`; the whole state if left out.
+        What is read, as of `KalmanFilter`. If left out what the estimator reads, and the whole state without one; of a
+        mechanism in continuous time with momenta for velocities, where the model of estimator or controller has those.
     noise : float, array_like or mapping, optional
         Standard deviations of readings, or their covariance.
     delay : float, optional
@@ -151,7 +172,7 @@ def close_loop(
     ask = _asked(controller)
     if estimator is not None:
         check_estimator(estimator)
-    readings = Readings(stood.system, stood.system.state_names if measure is None else measure)
+    readings, readable = _read_by(stood, measure, estimator, controller)
     drawn = as_count(seed, "seed", 0)
     rng, pushed = (np.random.default_rng([drawn, which]) for which in (1, 2))
     V = covariance(noise, readings.names, "noise", definite=False)
@@ -164,17 +185,13 @@ def close_loop(
     if space is not None:
         space.check(at, "x")
     stood.system.check_start(at)
-    seen = getattr(controller, "system", None) or getattr(estimator, "system", None)
-    converts = stood.converts_for(seen)
     N, noise_root = len(times) - 1, _root(V)
     states, read = [at], list[Array]()
     inputs, estimates, surprise, infos = list[Array](), list[Array](), list[float](), list[Any]()
     failure = None
 
     def reading(k: int, state: Array) -> Array:
-        return readings(converts(state) if measure is None and estimator is None else state, k) + noise_root @ (
-            rng.standard_normal(readings.ny)
-        )
+        return readings(readable(state), k) + noise_root @ rng.standard_normal(readings.ny)
 
     read.append(reading(0, at))
     for k in range(N):
@@ -228,11 +245,11 @@ def close_loop(
         names,
         stood.system.input_names,
         failure,
-        _units_of(stood.system),
+        units_of(stood.system),
     )
 
 
-def _units_of(system: System) -> dict[str, str]:
+def units_of(system: System) -> dict[str, str]:
     """Return the units of states and inputs by their names, where they are known."""
     names, units = (*system.state_names, *system.input_names), (*system.state_units, *system.input_units)
     return {name: unit for name, unit in zip(names, units, strict=True) if unit}
@@ -246,6 +263,17 @@ def _asked(controller: Any) -> Callable[[float, Array], Any]:
             "such as a Feedback"
         )
     return controller
+
+
+def _read_by(
+    plant: Plant, measure: Measured | None, estimator: Any, controller: Any
+) -> tuple[Readings, Callable[[Array], Array]]:
+    """Return what is read, and how a state of the plant becomes the one of which that is read."""
+    if measure is not None:
+        return Readings(plant.system, measure), lambda state: state
+    model = getattr(estimator, "system", None) or getattr(controller, "system", None)
+    own = getattr(estimator, "readings", None)
+    return own or Readings(plant.system, plant.system.state_names), plant.converts_for(model)
 
 
 def _late(delay: float, times: Array) -> int:

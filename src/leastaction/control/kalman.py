@@ -23,6 +23,7 @@ from leastaction.control.readings import (
     Measured,
     Readings,
     Spread,
+    Stated,
     covariance,
     covariance_of_states,
     of_an_instant,
@@ -103,8 +104,8 @@ class KalmanFilter:
     process : float, array_like, mapping or callable
         Of what a step adds to the state by chance, likewise, (nx,) or ``{"p_*": 0.01}``, or (nx, nx);
         of states that are no plain vectors ndx for nx. Or a function of the state that returns a covariance (ndx, ndx).
-    x : array_like (nx,)
-        Where it is believed to begin.
+    x : array_like (nx,), State or mapping of str to float
+        Where it is believed to begin, by name what is not given is zero.
     spread : float, array_like or mapping
         How far off that may be, likewise.
     kind : {"extended", "unscented"}, optional
@@ -145,7 +146,7 @@ class KalmanFilter:
         measure: Measured,
         noise: Spread,
         process: Spread | Callable[[Array], Array],
-        x: ArrayLike,
+        x: Stated,
         spread: Spread = 1.0,
         kind: FilterKind = "extended",
     ) -> None:

@@ -16,11 +16,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from leastaction.control.bands import LoopBands
+from leastaction.control.closed_loop import units_of
 from leastaction.errors import ArgumentError, LeastActionError, unknown
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.prescribed import held
 from leastaction.numerics.arrays import Array, as_array, as_count, as_times, read_only, require_instance
 from leastaction.numerics.public import public
+from leastaction.systems.midpoint import MidpointSystem
+
+_SAME_MOTION = 1e-6  # m, or a number of a quaternion, by which a step of a motion may end off the next state
 
 
 @public
@@ -42,6 +47,7 @@ class ManyRuns:
         How many steps each made: N, of those that did not fail.
     failures : mapping of int to str
         Which instances failed, and why.
+    integrator : MidpointVI
     """
 
     t: Array
@@ -50,11 +56,18 @@ class ManyRuns:
     lam: Array
     steps: np.ndarray[tuple[int], np.dtype[np.int64]]
     failures: Mapping[int, str]
+    integrator: MidpointVI
 
     @property
     def complete(self) -> bool:
         """Whether none failed."""
         return not self.failures
+
+    def bands(self) -> LoopBands:
+        """Return them by name, with quantiles over all at every instant and pictures of these: what chance may do."""
+        system = MidpointSystem(self.integrator, self.t)
+        named = system.state_names, system.input_names, units_of(system)
+        return LoopBands(self.t, self.x, self.u, tuple(self.failures.items()), *named)
 
 
 @public
@@ -158,7 +171,7 @@ def simulate_many(
         for i, done in enumerate(steps.tolist())
         if done < N
     }
-    return ManyRuns(times, read_only(x), read_only(u), read_only(lam), steps, failures)
+    return ManyRuns(times, read_only(x), read_only(u), read_only(lam), steps, failures, integrator)
 
 
 @public
@@ -170,7 +183,6 @@ def linearize_many(
     Parameters
     ----------
     integrator : MidpointVI
-        Of a mechanism whose rotations are no quaternions.
     t : array_like (N+1,)
         Times (s), of all.
     x, u : array_like (B, N+1, nx), (B, N, nu)
@@ -180,7 +192,7 @@ def linearize_many(
 
     Returns
     -------
-    A, B : ndarray (B, N, nx, nx), (B, N, nx, nu)
+    A, B : ndarray (B, N, ndx, ndx), (B, N, ndx, nu)
         Next states by states and by inputs, of each to the last bit what they are alone.
 
     Raises
@@ -205,16 +217,37 @@ def linearize_many(
     N = len(times) - 1
     states = np.ascontiguousarray(as_array(x, "x", (None, N + 1, m.nx), meaning="(B, N+1, nx)"))
     inputs = as_array(u, "u", (len(states), N, m.n_inputs + m.nrho), meaning="(B, N, nu)")
-    if m.nx != m.ndx:
-        raise ArgumentError(
-            "integrator: its rotations are quaternions; expected a mechanism without, or use `linearize`"
-        )
     count = as_count(threads, "threads", 0) or os.cpu_count() or 1
+    if m.nx != m.ndx:
+        return _each_linearized(integrator, times, states, inputs, count)
     A, B, done = integrator.core.linearize_many(times, states, np.ascontiguousarray(inputs), count)
     if done < len(states) * N:
-        i, k = divmod(done, N)
-        raise ArgumentError(f"x: step {k} of instance {i} is none of the mechanism; give motions of `simulate_many`")
+        raise _no_step(*divmod(done, N))
     return A, B
+
+
+def _each_linearized(vi: MidpointVI, t: Array, x: Array, u: Array, threads: int) -> tuple[Array, Array]:
+    """Return the same where rotations are quaternions: of each motion alone, and several at once by threads."""
+    m, N = vi.mechanism, len(t) - 1
+    A, B = np.empty((len(x), N, m.ndx, m.ndx)), np.empty((len(x), N, m.ndx, u.shape[2]))
+    system = MidpointSystem(vi, t)
+
+    def one(i: int) -> None:
+        ends = system.step_each(x[i], u[i]).x
+        off = np.abs(ends - x[i, 1 : len(ends) + 1])[:, : m.nq].max(axis=1) > _SAME_MOTION
+        if off.any() or len(ends) < N:
+            raise _no_step(i, int(np.argmax(np.append(off, True))))
+        A[i], B[i] = system.linearize(x[i], u[i])
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(one, range(len(x))))
+    return A, B
+
+
+def _no_step(instance: int, k: int) -> ArgumentError:
+    return ArgumentError(
+        f"x: step {k} of instance {instance} is none of the mechanism; give motions of `simulate_many`"
+    )
 
 
 def _numbers(known: Mapping[str, float], parameters: Mapping[str, ArrayLike] | None) -> dict[str, Array]:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.control.kalman import KalmanFilter
-from leastaction.control.readings import Measured, Readings, Spread, of_an_instant
+from leastaction.control.readings import Measured, Readings, Spread, Stated, of_an_instant
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_count, read_only
 from leastaction.numerics.public import public
@@ -82,7 +82,7 @@ class MovingHorizonEstimator:
         measure: Measured,
         noise: Spread,
         process: Spread,
-        x: ArrayLike,
+        x: Stated,
         spread: Spread = 1.0,
         horizon: int = 20,
         limits: Sequence[Limit] = (),

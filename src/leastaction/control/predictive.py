@@ -8,7 +8,7 @@ an optimisation to the end, by an `Optimizer`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.control.interior import InteriorProgram, WindowModel
+from leastaction.control.readings import Stated
 from leastaction.errors import ArgumentError, LeastActionError
+from leastaction.mechanics.discrete.trajectory import State
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, read_only, require_instance
 from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost, QuadraticCost
@@ -179,8 +181,8 @@ class MPC:
 
     # ---- The call ---------------------------------------------------------------------------------
 
-    def __call__(self, x: ArrayLike, t: ArrayLike) -> Array:
-        """Return the input (nu,) for the state x (nx,) at a time t (s).
+    def __call__(self, x: Stated, t: Stated) -> Array:
+        """Return the input (nu,) for the state x (nx,), by numbers, by name or a `State`, at a time t (s).
 
         As a law of a simulation it is called ``(t, x)``, which it tells apart.
 
@@ -190,7 +192,7 @@ class MPC:
             A wrong shape, or numbers that are not finite.
         """
         begun = perf_counter()
-        if np.ndim(x) == 0 and np.ndim(t) == 1:
+        if not isinstance(x, (State, Mapping)) and np.ndim(x) == 0:
             x, t = t, x
         at, state = as_number(t, "t"), self._state(x)
         if self._program is None:
@@ -217,12 +219,12 @@ class MPC:
         )  # fmt: skip
         return u
 
-    def prepare(self, x: ArrayLike, t: float | None = None, *, u: ArrayLike | None = None) -> OptimizationResult:
+    def prepare(self, x: Stated, t: float | None = None, *, u: ArrayLike | None = None) -> OptimizationResult:
         """Plan from a state to the end, by an `Optimizer`: what the first call does, and takes longest.
 
         Parameters
         ----------
-        x : array_like (nx,)
+        x : array_like (nx,), State or mapping of str to float
         t : float, optional
             When (s); at the first time of the system if left out.
         u : array_like (horizon, nu), optional
@@ -328,7 +330,7 @@ class MPC:
         """The gains (horizon, nu, ndx) along its plan."""
         return self._K[:, :, : self.system.ndx]
 
-    def _state(self, x: ArrayLike) -> Array:
+    def _state(self, x: Stated) -> Array:
         """Return a state of the model, with what was given an instant ago where it remembers that."""
         own = self.whole.state_given(x)
         if not isinstance(self.model, RememberingSystem):
@@ -340,7 +342,7 @@ class MPC:
         self._given = np.clip(u, *self._bounds)
         return self._given.copy()
 
-    def _first(self, x: ArrayLike, at: float, begun: float) -> Array:
+    def _first(self, x: Stated, at: float, begun: float) -> Array:
         result = self.prepare(x, at)
         self.info = PredictiveInfo(
             at, perf_counter() - begun, result.iterations, 0, self._violation(self._x, self.u), self._active(),

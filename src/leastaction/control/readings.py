@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, unknown
+from leastaction.mechanics.discrete.trajectory import State
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.numerics.differences import central_differences
 from leastaction.numerics.names import matching
@@ -18,6 +19,9 @@ from leastaction.optimal.system import System
 
 Measured = str | Sequence[str] | Quantity | Callable[[Array], ArrayLike] | ArrayLike
 """Entries of the state by name, a quantity of the state, a function of the state, or a matrix (ny, nx)."""
+
+Stated = ArrayLike | State | Mapping[str, float]
+"""A state (nx,) by its numbers, by name (what is not named is zero, or not turned), or the `State` of a mechanism."""
 
 Spread = float | ArrayLike | Mapping[str, float]
 """Standard deviations: one for all, one for each, by name with wildcards; or a covariance matrix (n, n)."""

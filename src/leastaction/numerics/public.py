@@ -73,6 +73,11 @@ def public(it: T) -> T:
     return it
 
 
+def checked(it: T) -> T:
+    """Return a public function within its checks, for one that hands on what its own caller gave."""
+    return it.__checks__  # type: ignore[attr-defined,no-any-return]
+
+
 def called_publicly(function: Callable[..., Any]) -> _Signature:
     """Return what is known of the arguments of something public."""
     return _Signature(inspect.unwrap(function.__init__ if inspect.isclass(function) else function))
@@ -89,9 +94,12 @@ def _around(function: Callable[..., Any], name: str) -> Callable[..., Any]:
 
     @functools.wraps(function)
     def call(*arguments: Any, **named: Any) -> Any:
-        nonlocal seen
         if _frame(1).f_globals.get("__name__", "")[:12] == "leastaction.":
             return function(*arguments, **named)
+        return checks(*arguments, **named)
+
+    def checks(*arguments: Any, **named: Any) -> Any:
+        nonlocal seen
         if seen is None:
             seen = _Signature(function, of_object=not name or name.startswith("."))
         try:
@@ -116,6 +124,7 @@ def _around(function: Callable[..., Any], name: str) -> Callable[..., Any]:
             raise
 
     call.__is_public__ = True  # type: ignore[attr-defined]
+    call.__checks__ = checks  # type: ignore[attr-defined]
     return call
 
 

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
         Accuracy,
         ContinuousCost,
         ContinuousCostSum,
+        ContinuousFunctionCost,
+        ContinuousGaussNewton,
         ContinuousLinearQuadraticSolution,
         ContinuousOptimizationResult,
         ContinuousProjection,
@@ -77,7 +79,8 @@ else:
             "leastaction.optimal.checks": "DerivativeReport check_derivatives",
             "leastaction.optimal.checks.descent": "CostAlong cost_along",
             "leastaction.optimal.continuous": (
-                "Accuracy ContinuousCost ContinuousCostSum ContinuousLinearQuadraticSolution "
+                "Accuracy ContinuousCost ContinuousCostSum ContinuousFunctionCost "
+                "ContinuousGaussNewton ContinuousLinearQuadraticSolution "
                 "ContinuousOptimizationResult ContinuousProjection ContinuousQuadraticCost ContinuousRollout "
                 "ContinuousSystem DenseTrajectory FunctionContinuousSystem LinearContinuousSystem "
                 "PiecewisePolynomial RateGradient RateHessian regulate_continuous "
@@ -121,6 +124,7 @@ else:
 
 __all__ = [
     "Accuracy", "AddedCost", "Bound", "Callback", "ContinuousCost", "ContinuousCostSum",
+    "ContinuousFunctionCost", "ContinuousGaussNewton",
     "ContinuousLinearQuadraticSolution", "ContinuousOptimizationResult", "ContinuousProjection",
     "ContinuousQuadraticCost", "ContinuousRollout",
     "ContinuousSystem", "Controllability", "ControllabilityWindow", "Cost", "CostAlong", "CostGradient", "CostHessian",

@@ -7,10 +7,10 @@ from typing import Any
 from leastaction.errors import ArgumentError
 
 
-def pair_of(initial: Any) -> tuple[Any, Any]:
-    """Return the pair (x, u) that was given to start from, or complain."""
-    if not isinstance(initial, (tuple, list)) or len(initial) != 2:
-        advice = "; (initial.x, initial.u) is one" if hasattr(initial, "x") and hasattr(initial, "u") else ""
-        raise ArgumentError(f"initial: got {type(initial).__name__}, expected a pair (x, u){advice}")
-    x, u = initial
-    return x, u
+def pair_of(given: Any, what: str = "initial") -> tuple[Any, Any]:
+    """Return the pair (x, u) that was given, such as one to start from, or complain."""
+    if isinstance(given, (tuple, list)) and len(given) == 2:
+        return given[0], given[1]
+    owner = next((n for n in ("", ".result") if hasattr(getattr(given, n[1:], None) if n else given, "u")), None)
+    advice = "" if owner is None else f"; ({what}{owner}.x, {what}{owner}.u) is one"
+    raise ArgumentError(f"{what}: got {type(given).__name__}, expected a pair (x, u){advice}")

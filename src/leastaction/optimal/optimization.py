@@ -9,7 +9,7 @@ as far as the cost falls enough.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, overload
 
 from numpy.typing import ArrayLike
@@ -35,7 +35,7 @@ def optimize(
     system: DiscreteSystem,
     cost: Cost,
     *,
-    initial: tuple[ArrayLike, ArrayLike] | OptimizationResult | None = ...,
+    initial: tuple[object, ArrayLike | Mapping[str, float]] | OptimizationResult | None = ...,
     resume: OptimizationResult | None = ...,
     limits: Sequence[Limit] = ...,
     free_start: bool | Sequence[str] = ...,

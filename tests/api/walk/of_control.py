@@ -76,6 +76,17 @@ def calls() -> dict[str, Call]:
             ),
             {"residual": lambda x, u, k: [x[0], u[0]], "final": lambda x: [x[0]], "derivatives": "complex-step"},
         ),
+        "ContinuousFunctionCost": (
+            costs.ContinuousFunctionCost,
+            {
+                "rate": lambda x, u, t: x[0] ** 2 + u[0] ** 2, "final": None, "derivatives": "complex-step",
+                "final_derivatives": None, "nonnegative": True, "jumps": (),
+            },
+        ),
+        "ContinuousGaussNewton": (
+            costs.ContinuousGaussNewton,
+            {"residual": lambda x, u, t: [x[0], u[0]], "final": None, "derivatives": "complex-step", "jumps": ()},
+        ),
         "tracking": (
             costs.tracking,
             {

@@ -7,8 +7,11 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import re
 import sys
+from contextlib import suppress
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, requires
 from pathlib import Path
 
 from leastaction.errors import ArgumentError, closest
@@ -79,10 +82,20 @@ def run_example(example: Example, output: Path) -> None:
     except ModuleNotFoundError as error:
         raise ArgumentError(
             f"example {example.name} needs {error.name}, which is not installed. Try: pip install "
-            "'leastaction[viz,expressions]'"
+            f"'leastaction[viz,{_extra_of(error.name)}]'"
         ) from error
     finally:
         del sys.modules[name]
+
+
+def _extra_of(module: str | None) -> str:
+    """Return the extra of the package that a module comes with."""
+    with suppress(PackageNotFoundError):
+        for line in requires("leastaction") or []:
+            found = re.match(r"([\w-]+).*extra == \W(\w+)", line)
+            if found is not None and found[1] == module and found[2] not in ("test", "oracles", "dev"):
+                return found[2]
+    return "expressions"
 
 
 def _read(file: Path) -> Example:

@@ -14,13 +14,14 @@ from leastaction.control.kalman import KalmanFilter
 from leastaction.control.rigs.commands import reeled_in, with_lengths
 from leastaction.control.rigs.elastic import nearest
 from leastaction.control.rigs.regulator import Regulator
-from leastaction.errors import ArgumentError, StepError
+from leastaction.errors import StepError
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.prescribed import divided
 from leastaction.mechanics.discrete.trajectory import State
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_array, require_instance
 from leastaction.numerics.public import public
+from leastaction.optimal.initial import pair_of
 from leastaction.optimal.result import OptimizationResult
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.rig import Played, Rig
@@ -86,7 +87,7 @@ def play(
     rig = Rig() if rig is None else rig
     require_instance(rig, "rig", Rig)
     m, N, t = system.mechanism, system.N, system.t
-    x, u = _pair_of(plan)
+    x, u = (plan.x, plan.u) if isinstance(plan, OptimizationResult) else pair_of(plan, "plan")
     x = as_array(x, "plan x", (N + 1, system.nx), meaning="(N+1, nx)")
     u = as_array(u, "plan u", (N, system.nu), meaning="(N, nu)")
     x, u, shorter, least = reeled_in(system, x, u, rig)
@@ -130,17 +131,6 @@ def _driven(machine: MidpointVI, parts: int, t: Array, x: Array, command: Array)
     if out.steps < parts or not np.isfinite(out.x[-1]).all():
         return None
     return np.ascontiguousarray(out.x[-1])
-
-
-def _pair_of(plan: object) -> tuple[ArrayLike, ArrayLike]:
-    """Return what is planned as a pair (x, u)."""
-    if isinstance(plan, OptimizationResult):
-        return plan.x, plan.u
-    if not isinstance(plan, (tuple, list)) or len(plan) != 2:
-        result = "; its result is one" if isinstance(getattr(plan, "result", None), OptimizationResult) else ""
-        raise ArgumentError(f"plan: got {type(plan).__name__}, expected an OptimizationResult or a pair (x, u){result}")
-    x, u = plan
-    return x, u
 
 
 def _weights(m: Mechanism, u: Array, Q: ArrayLike | None, R: ArrayLike | None) -> tuple[ArrayLike, ArrayLike]:

@@ -48,6 +48,10 @@ class ConfigurationProjection:
     iterations: int
     residuals: dict[str, float]
 
+    def __str__(self) -> str:
+        """Say how far it is from what was asked for, and how well the constraints hold."""
+        return f"{_moved(self.correction)} in {self.iterations} steps; {_left(self.residuals)}"
+
 
 @public
 @dataclass(frozen=True)
@@ -70,6 +74,22 @@ class VelocityProjection:
     correction: dict[str, float]
     largest: float
     residuals: dict[str, float]
+
+    def __str__(self) -> str:
+        """Say how far it is from what was asked for, and how well the constraints hold."""
+        return f"{_moved(self.correction)}; {_left(self.residuals)}"
+
+
+def _moved(correction: Mapping[str, float]) -> str:
+    changes = [f"{name!r} {change:+.4g}" for name, change in correction.items() if change]
+    return "changed " + some(changes) if changes else "nothing had to change"
+
+
+def _left(residuals: Mapping[str, float]) -> str:
+    if not residuals:
+        return "there are no constraints"
+    worst = max(residuals, key=lambda name: abs(residuals[name]))
+    return f"the largest residual is that of {worst!r}, {residuals[worst]:.2g}"
 
 
 @public

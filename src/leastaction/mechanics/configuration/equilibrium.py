@@ -22,7 +22,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from leastaction.errors import EquilibriumError, worst_first
+from leastaction.errors import EquilibriumError, some, worst_first
 from leastaction.mechanics.configuration.assembly import project_configuration
 from leastaction.mechanics.configuration.null_space import (
     Indices,
@@ -103,6 +103,16 @@ class Equilibrium(Frozen):
             return np.zeros(0)
         result: Array = np.sqrt(np.real(self.eigenvalues))
         return result
+
+    def __str__(self) -> str:
+        """Say whether it is stable, how fast it swings about it, and what holds it."""
+        found = f"potential {self.potential:.6g} J, largest net force {self.residual:.2g} after {self.iterations} steps"
+        lines = [self.stability.value, found]
+        if len(self.frequencies):
+            lines.append("natural frequencies (rad/s) " + some([f"{w:.4g}" for w in self.frequencies]))
+        if self.holding:
+            lines.append("held by " + some([f"{name!r} {force:.4g}" for name, force in self.holding.items()]))
+        return "\n".join(lines)
 
 
 @public

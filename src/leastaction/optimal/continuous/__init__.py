@@ -10,6 +10,7 @@ from __future__ import annotations
 from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.cost import ContinuousCost, ContinuousQuadraticCost, RateGradient, RateHessian
+from leastaction.optimal.continuous.function_cost import ContinuousFunctionCost, ContinuousGaussNewton
 from leastaction.optimal.continuous.function_system import FunctionContinuousSystem, LinearContinuousSystem
 from leastaction.optimal.continuous.linear_quadratic import (
     regulate_continuous,
@@ -23,7 +24,8 @@ from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult, DenseTrajectory
 
 __all__ = [
-    "Accuracy", "ContinuousCost", "ContinuousCostSum", "ContinuousLinearQuadraticSolution",
+    "Accuracy", "ContinuousCost", "ContinuousCostSum", "ContinuousFunctionCost", "ContinuousGaussNewton",
+    "ContinuousLinearQuadraticSolution",
     "ContinuousOptimizationResult", "ContinuousProjection", "ContinuousQuadraticCost", "ContinuousRollout",
     "ContinuousSystem", "DenseTrajectory", "FunctionContinuousSystem", "LinearContinuousSystem", "PiecewisePolynomial",
     "RateGradient", "RateHessian", "regulate_continuous", "solve_continuous_linear_quadratic", "steady_state_regulator",
