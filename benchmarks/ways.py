@@ -1,10 +1,10 @@
 """What each way to begin again is worth: ``python -m benchmarks.ways [--json] [--only WORDS]``; a long study.
 
 Every problem is solved under default settings: those of `benchmarks.robustness`, free and from curves, others, drawn
-ones, drawn ones whose inputs are limited, and masses that fly past obstacles. Then each way is switched off in turn,
-and those problems are solved again on which it was taken: the rest do not notice. Told is how many lose their minimum,
-how many end in a dearer or a cheaper one, and the processor time of the problems on which it was taken, without the way
-in parts of that with it.
+ones, drawn ones whose inputs are limited, such that have to end where their wanted motion does, and masses that fly
+past obstacles. Then each way is switched off in turn, and those problems are solved again on which it was taken: the
+rest do not notice. Told is how many lose their minimum, how many end in a dearer or a cheaper one, and the processor
+time of the problems on which it was taken, without the way in parts of that with it.
 """
 
 from __future__ import annotations
@@ -31,14 +31,16 @@ from benchmarks.robustness_others import OTHERS  # noqa: E402
 from benchmarks.robustness_problems import PROBLEMS  # noqa: E402
 from leastaction.errors import LeastActionError  # noqa: E402
 from leastaction.mechanics import Gravity, JointForce, Mechanism, MidpointVI, ty, tz  # noqa: E402
-from leastaction.optimal import Bound, Equal, Options, QuadraticCost, Status, optimize  # noqa: E402
+from leastaction.optimal import Bound, Equal, FinalTime, Options, QuadraticCost, Status, optimize  # noqa: E402
 from leastaction.optimal.options import WAY_NAMES  # noqa: E402
 from leastaction.systems import Ball, Keep, MidpointSystem  # noqa: E402
 
 __all__ = ["Ablation", "Case", "Solved", "cases", "solve"]
 
-_SEEDS, _LIMITED, _OBSTACLES = (34, 35, 36, 37), (38,), 24
+_SEEDS, _LIMITED, _ENDS, _OBSTACLES = (34, 35, 36, 37), (38,), (39, 40), 24
 _PART = 0.7  # of what a problem's minimum uses of an input is its limit
+_PARTS = 0.7, 2.0  # the same, at least and at most, of problems whose end is asked for
+_TIMES = 0.2, 5.0  # final time at least and at most, where it is found too, in times the one that was drawn
 _SAME = 1e-4  # relative difference of costs up to which minima are the same
 
 
@@ -51,6 +53,8 @@ class Case:
     cost: Any
     initial: Any
     limits: tuple[Any, ...] = ()
+    unknowns: tuple[Any, ...] = ()
+    free_start: bool = False
 
 
 @dataclass(frozen=True)
@@ -102,6 +106,51 @@ def _past_obstacles() -> Iterator[Case]:
         yield Case(f"past {len(balls)} balls, {seed}", system, cost, (np.zeros(4), hover), (*balls, Equal("y", 3.0)))
 
 
+def _to_ends() -> Iterator[Case]:
+    """Yield drawn problems whose last configuration, and rest where nothing is closed, is asked for by equations.
+
+    Of a third the first state is found within bounds, of another third the final time.
+    """
+    for seed, problem in ((chosen, each) for chosen in _ENDS for each in drawn(chosen)):
+        given = problem.build()
+        found = _most_of_inputs(given)
+        rng = np.random.default_rng([seed, len(problem.name)])
+        if found is None:
+            continue
+        system, wanted = given.system, np.asarray(given.cost.x_wanted)[-1]
+        m = system.integrator.mechanism
+        asked = [name for name, value in zip(m.variables[: m.nd], wanted, strict=False) if value != 0.0]
+        part = float(rng.uniform(*_PARTS))
+        limits: list[Any] = [Bound(name, -part * each, part * each) for name, each in found.items()]
+        limits += [Equal(name, float(wanted[m.variables.index(name)])) for name in asked]
+        if not m.constraints:
+            limits.append(Equal("*", 0.0, of="momentum"))
+        kind, first, unknowns = int(rng.integers(3)), np.asarray(given.x), ()
+        first = first if first.ndim == 1 else first[0]
+        if kind == 1:
+            limits += [
+                Bound(name, first[i] - 0.3, first[i] + 0.3, of="variable", at="start")
+                for i, name in enumerate(m.variables[: m.nd])
+            ]
+            limits.append(Bound("*", -0.3, 0.3, of="momentum", at="start"))
+        if kind == 2:
+            duration = float(system.t[-1] - system.t[0])
+            unknowns = (FinalTime(_TIMES[0] * duration, _TIMES[1] * duration, price=1.0),)
+        named = f"{problem.name}, to its end" + ("", ", free start", ", in free time")[kind]
+        yield Case(named, system, given.cost, (given.x, given.u), tuple(limits), unknowns, kind == 1)
+
+
+def _most_of_inputs(given: Any) -> dict[str, float] | None:
+    """Return how much of each input the minimum without limits uses; None if none was found."""
+    try:
+        free = optimize(given.system, given.cost, initial=(given.x, given.u))
+    except LeastActionError:
+        return None
+    most = {name: float(np.abs(free.u[:, j]).max()) for j, name in enumerate(given.system.quantity("input").names)}
+    most = {name: each for name, each in most.items() if each > 0.0}
+    return most if free.success and most else None
+
+
 def cases() -> Iterator[Case]:
     """Yield all problems; limits of inputs follow from the minimum without."""
     for problem in [*PROBLEMS, *FURTHER, *CURVES, *OTHERS, *(each for seed in _SEEDS for each in drawn(seed))]:
@@ -109,15 +158,11 @@ def cases() -> Iterator[Case]:
         yield Case(problem.name, given.system, given.cost, (given.x, given.u))
     for problem in (each for seed in _LIMITED for each in drawn(seed)):
         given = problem.build()
-        try:
-            free = optimize(given.system, given.cost, initial=(given.x, given.u))
-        except LeastActionError:
-            continue
-        inputs = given.system.quantity("input").names
-        most = {name: _PART * float(np.abs(free.u[:, j]).max()) for j, name in enumerate(inputs)}
-        limits = tuple(Bound(name, -each, each) for name, each in most.items() if each > 0.0)
-        if free.success and limits:
+        most = _most_of_inputs(given)
+        if most is not None:
+            limits = tuple(Bound(name, -_PART * each, _PART * each) for name, each in most.items())
             yield Case(f"{problem.name}, limited", given.system, given.cost, (given.x, given.u), limits)
+    yield from _to_ends()
     yield from _past_obstacles()
 
 
@@ -127,14 +172,15 @@ def solve(case: Case, without: tuple[str, ...] = ()) -> Solved:
     began = time.process_time()
     try:
         result = optimize(
-            case.system, case.cost, initial=case.initial, limits=case.limits, options=Options(without=without),
+            case.system, case.cost, initial=case.initial, limits=case.limits, unknowns=case.unknowns,
+            free_start=case.free_start, options=Options(without=without),
             callback=lambda record: notes.append(record.note),
         )  # fmt: skip
     except LeastActionError as error:
         return Solved(type(error).__name__, np.nan, False, (), time.process_time() - began)
     seconds = time.process_time() - began
     taken = () if result.state is None else result.state.run.taken
-    if any("with gaps between" in note for note in notes):
+    if "gaps for unmet limits" in taken or any("with gaps between" in note for note in notes):
         taken = (*taken, "gaps")
     if "easing among resolved motions" in taken:
         taken = (*taken, "easing")

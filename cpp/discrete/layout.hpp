@@ -81,9 +81,11 @@ struct Layout {
     }
     // The largest difference between where a step leads to and the next state, of dynamic variables.
     double distance(const MidpointStep& step, const double* next) const {
+        const TurnedMiddle& turned = step.turned_middle();
+        const bool turns = turned.turns();
         double most = 0;
         for (int i = 0; i < nd; ++i)
-            if (step.turned_middle().ball_of(i) < 0) most = std::max(most, std::abs(step.q2[i] - next[m.places[i]]));
+            if (!turns || turned.ball_of(i) < 0) most = std::max(most, std::abs(step.q2[i] - next[m.places[i]]));
         for (const Ball& ball : m.balls) {
             if (ball.prescribed) continue;
             double turn[3];
@@ -149,7 +151,7 @@ struct Layout {
             for (int i = 0; i < nq; ++i) by_x[m.external[i]] = row[i];
             for (int i = 0; i < nd; ++i) by_x[nq + m.external[i]] = row[nq + i];
         }
-        std::copy(row + nq + nd, row + theta, by_u);
+        if (nu > 0) std::copy(row + nq + nd, row + theta, by_u);
     }
     // The same for all of th: which entries stand where among the states and inputs.
     std::vector<SecondOrder::Run> runs() const {

@@ -38,7 +38,7 @@ void SecondOrder::begin_balls() {
     turned_ = std::make_shared<Turned>(mechanism_);
     prescribed_turns_ = std::ranges::any_of(mechanism_.balls, &Ball::prescribed);
 }
-const double* SecondOrder::end() const { return turned_ ? turned_->end.data() : q2.data(); }
+const double* SecondOrder::turned_end() const { return turned_->end.data(); }
 
 void SecondOrder::place_balls() {
     for (std::size_t b = 0; b < mechanism_.balls.size(); ++b) {
@@ -59,8 +59,9 @@ void SecondOrder::place_dual_balls() {
 }
 
 void SecondOrder::begin_turned(double dt) {
-    if (!turned_) return turned_middle_.set({}, dt);
     Turned& t = *turned_;
+    std::copy(mu_.begin(), mu_.begin() + nd_, mu_z_.begin());
+    std::copy(w_p.begin(), w_p.end(), w_z_.begin());
     t.turnings.clear();
     t.fields.clear();
     std::copy(q2.begin(), q2.begin() + nq_, t.end.begin());
@@ -96,10 +97,11 @@ void SecondOrder::add_turned_potential(const ConfigurationFunction& potential) {
         dual_.L_q[support[a]] -= dual_local_.gradient[a];
         turned_middle_.each_field_end(support[a], [&](int k, const ByEnds& of_a) {
             for (std::size_t b = 0; b < n; ++b)
-                turned_middle_.spread(
-                    support[b], -dual_local_.hessian[a * n + b].v, 0.0, [&](int l, double start, double end) {
-                        add_both(k, l, of_a.q_start * start, of_a.q_start * end, of_a.q_end * start, of_a.q_end * end);
-                    });
+                spread(turned_middle_, support[b], -dual_local_.hessian[a * n + b].v, 0.0,
+                       [&](int l, double start, double end) {
+                           add_both(k, l, of_a.q_start * start, of_a.q_start * end, of_a.q_end * start,
+                                    of_a.q_end * end);
+                       });
         });
     }
 }
@@ -118,7 +120,7 @@ void SecondOrder::add_turned_forces(double dt) {
         turned_middle_.each_field_end(i, [&](int k, const ByEnds& of_i) {
             const double at_start = at_q * of_i.q_start + at_v * of_i.v_start,
                          at_end = at_q * of_i.q_end + at_v * of_i.v_end;
-            turned_middle_.spread(j, f_q, f_v, [&](int l, double start, double end) {
+            spread(turned_middle_, j, f_q, f_v, [&](int l, double start, double end) {
                 add_both(k, l, at_start * start, at_start * end, at_end * start, at_end * end);
             });
         });

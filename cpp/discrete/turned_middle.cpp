@@ -135,9 +135,7 @@ Matrix6 TurnedMiddle::scaled(const Matrix6& by_middle) const {
     return {by_middle.aa, dt_ * by_middle.ab, rate_ * by_middle.ba, by_middle.bb};
 }
 
-void TurnedMiddle::set(const std::vector<Turning>& turnings, double dt) {
-    dt_ = dt;
-    rate_ = 1.0 / dt;
+void TurnedMiddle::set_balls(const std::vector<Turning>& turnings) {
     for (std::size_t b = 0; b < balls_.size(); ++b) {
         const Ball& ball = mechanism_.balls[b];
         TurnedBall& at = balls_[b];

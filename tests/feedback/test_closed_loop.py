@@ -149,7 +149,15 @@ def test_what_is_wrong_is_said():
         close_loop(system, law, UP, T, estimator=3)
     with pytest.raises(ArgumentError, match="disturbance: unknown name 'q_"):
         close_loop(system, law, UP, T, disturbance={"q_*": 1.0})
-    assert "controller(0, x): got shape (2,)" in close_loop(system, lambda t, x: np.zeros(2), UP, T).failure
+    with pytest.raises(ArgumentError, match=r"inputs\(0, x\): got shape \(2,\), expected \(1,\); .* x-force"):
+        close_loop(system, lambda t, x: np.zeros(2), UP, T)
+    late = close_loop(system, lambda t, x: np.zeros(1 if t < 0.05 else 2), UP, T)
+    assert "the loop ended at t = 0.05 s: inputs(0.05, x): got shape (2,)" in late.failure
+    assert len(late.u) == 2
+    with pytest.raises(ArgumentError, match=r"delay: got 0.04 s, .*; expected 0.025 s or 0.05 s"):
+        close_loop(system, law, UP, T, delay=0.04)
+    with pytest.raises(ArgumentError, match="measure: got none, and the estimator reads states of 4 numbers"):
+        close_loop(LinearSystem(np.eye(2), np.ones((2, 1)), N=5), law, np.zeros(2), T, estimator=kalman(system, UP))
 
 
 def test_print_says_what_became_of_a_loop():

@@ -13,7 +13,9 @@ from leastaction import (
     MidpointSystem,
     MidpointVI,
     QuadraticCost,
+    ball,
     optimize,
+    rx,
     ry,
     to_velocity,
     tz,
@@ -199,3 +201,33 @@ def test_in_continuous_time_what_is_wrong_is_said():
         )
     with pytest.raises(ArgumentError, match=r"residual\(x, u, 0.5\)"):
         ContinuousGaussNewton(lambda x, u, t: np.eye(2)).rate(np.zeros(1), np.zeros(1), 0.5)
+
+
+@pytest.mark.parametrize("kind", ["steps", "continuous"])
+def test_a_rotation_by_its_name_is_all_its_axes(kind: str) -> None:
+    shank = rx("knee", mass=1.0, com=(0.0, 0.0, -0.2), inertia=(0.1, 0.1, 0.05))
+    thigh = tz(-0.5, mass=2.0, inertia=(0.1, 0.1, 0.05))
+    m = Mechanism([ball("hip"), [thigh, [shank]]], [JointForce("knee", input="u")])
+    system = MechanismSystem(m) if kind == "continuous" else MidpointSystem(MidpointVI(m), 0.1 * np.arange(4))
+    short = tracking(system, {"hip": 2.0, "hip.v": 0.5, "knee": 1.0}, {"hip": np.eye(3)}, final={"hip": 3.0})
+    long = tracking(system, {"hip.w*": 2.0, "hip.w*.v": 0.5, "knee": 1.0}, {"hip": np.eye(3)}, final={"hip.w*": 3.0})
+    x = np.array([[0.8, 0.6, 0.0, 0.0, 0.3, 1.0, 2.0, 3.0, 4.0]])
+    last = short.final_value(x[0], *([0.0] if kind == "continuous" else []))
+    assert (
+        last
+        == long.final_value(x[0], *([0.0] if kind == "continuous" else []))
+        == pytest.approx(1.5 * (2.0 * np.arcsin(0.6)) ** 2)
+    )
+    if kind == "steps":
+        np.testing.assert_array_equal(short.Q, long.Q)
+    else:
+        u, t = np.zeros((1, 1)), np.zeros(1)
+        np.testing.assert_array_equal(short.rates(x, u, t), long.rates(x, u, t))
+    with pytest.raises(ArgumentError, match="unknown name 'hipp'; did you mean"):
+        tracking(system, {"hipp": 1.0})
+
+
+def test_weights_of_velocities_where_there_is_no_inertia_are_refused() -> None:
+    m = Mechanism([ball("hip"), [rx("knee"), [tz(-0.5, mass=1.0)]]], [JointForce("knee", input="u")])
+    with pytest.raises(ArgumentError, match="weights: got some of velocities, and the mass matrix is singular"):
+        tracking(MidpointSystem(MidpointVI(m), 0.1 * np.arange(4)), {"knee.v": 1.0})

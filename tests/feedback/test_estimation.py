@@ -56,6 +56,27 @@ def test_gains_are_those_of_python_control(discrete):
     assert np.abs(ours.gain - L).max() < 1e-10
 
 
+def test_estimates_are_those_of_python_control():
+    """Its estimator predicts: what it says of an instant is what the filter expects before the reading there."""
+    control = pytest.importorskip("control")
+    _, A, B, C, rng = linear(7, nu=1, N=40)
+    A = 0.9 * A / np.abs(np.linalg.eigvals(A)).max()
+    chance, V, P0, begun = (
+        np.array([[0.3]]),
+        np.diag([0.04, 0.01]),
+        np.diag([0.5, 1.0, 0.2, 0.1]),
+        [1.0, 0.0, -1.0, 0.5],
+    )
+    u, y = rng.standard_normal((40, 1)), rng.standard_normal((41, 2))
+    theirs = control.create_estimator_iosystem(control.ss(A, B, C, np.zeros((2, 1)), 0.1), chance, V, P0=P0)
+    given = np.vstack([y.T, np.append(u, 0.0)])
+    expected = control.input_output_response(theirs, 0.1 * np.arange(41), given, [*begun, *P0.ravel()]).states.T
+    kalman = KalmanFilter(LinearSystem(A, B, N=40), measure=C, noise=V, process=B @ chance @ B.T, x=begun, spread=P0)
+    ours = kalman.run(y, u)
+    np.testing.assert_allclose(ours.x_predicted, expected[:, :4], rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(ours.P_predicted.reshape(41, 16), expected[:, 4:], rtol=0.0, atol=1e-10)
+
+
 def record(system, A, B, C, rng, W, V, P0):
     x = [rng.multivariate_normal(np.zeros(len(A)), P0)]
     u = rng.standard_normal((system.N, B.shape[1]))

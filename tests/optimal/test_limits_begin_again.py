@@ -172,7 +172,7 @@ def test_the_foot_of_a_hill_is_not_where_it_ends(start: str, shooting: str, expe
     whole = optimize(system, cost, initial=initial, limits=limits, shooting=shooting)
     assert whole.status is Status.CONVERGED, whole.message
     assert whole.cost == pytest.approx(expected, rel=1e-4)
-    without = optimize(system, cost, initial=initial, limits=limits, shooting=shooting, without=["given"])
+    without = optimize(system, cost, initial=initial, limits=limits, shooting=shooting, without=["gaps"])
     assert without.status is Status.INFEASIBLE
     part = optimize(system, cost, initial=initial, limits=limits, shooting=shooting, max_iterations=20)
     rest = optimize(
@@ -218,7 +218,7 @@ def test_limits_that_cannot_be_met_are_told_all_the_same() -> None:
     result = optimize(system, cost, initial=(np.zeros(2), np.zeros((40, 1))), limits=limits)
     assert result.status is Status.INFEASIBLE
     assert result.state is not None
-    assert "given" in result.state.run.taken
+    assert "gaps for unmet limits" in result.state.run.taken
     assert result["x"][-1] == pytest.approx(3.0, rel=0.02)  # 1/2 F/m T^2
 
 

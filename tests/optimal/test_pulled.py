@@ -201,6 +201,26 @@ def test_derivatives_of_a_ball_joint_under_tensions() -> None:
     assert prices.convex_hessian(x, u).Q.shape == (30, system.ndx, system.ndx)
 
 
+def test_prices_of_inputs_and_states_beside_rotations() -> None:
+    """And what depends on the next state has none, by name."""
+    joints = [ball("hip"), [tz(-0.5, mass=1.0, inertia=(0.1, 0.1, 0.05))]]
+    m = Mechanism(joints, [JointForce("hip.wx", input="torque")])
+    vi = MidpointVI(m)
+    system = MidpointSystem(vi, 0.02 * np.arange(11))
+    run = vi.simulate(vi.start({}, {"hip.wx": 2.0, "hip.wy": 1.0}), system.t, inputs=[1.5])
+    cost = QuadraticCost(run.x[0], [0.0], Q=np.ones(6), R=[1.0], space=system).over(10)
+    limits = [Bound("torque", -1.0, 1.0), Bound("p_hip.wx", -0.1, 0.1)]
+    prices = PricedLimits(cost, system, [PricedLimit(each, 3.0) for each in limits])
+    slopes = prices.gradient(run.x, run.u)
+    rng = np.random.default_rng(3)
+    dx, du = 1e-6 * rng.normal(size=(11, 6)), 1e-6 * rng.normal(size=(10, 1))
+    change = prices.value(system.plus(run.x, dx), run.u + du) - prices.value(system.plus(run.x, -dx), run.u - du)
+    expected = 2.0 * (np.sum(slopes.q * dx[:-1]) + np.sum(slopes.r * du) + slopes.q_final @ dx[-1])
+    assert change == pytest.approx(expected, rel=1e-6)
+    with pytest.raises(ArgumentError, match=r"rate of hip.wx depends on the state that a step leads to"):
+        PricedLimits(cost, system, [PricedLimit(Bound("hip.wx", -1.0, 1.0, of="rate"), 3.0)])
+
+
 # ---- Parameters and time ------------------------------------------------------------------------------
 
 ANGLE = ex.variable("c")

@@ -196,6 +196,7 @@ def close_loop(
     read.append(reading(0, at))
     for k in range(N):
         now = float(times[k])
+        said: Any = None
         try:
             if estimator is None:
                 seen_now = read[max(0, k - late)]
@@ -207,13 +208,14 @@ def close_loop(
                 seen_now = _ahead(estimator, inputs[max(0, k - late) :], max(0, k - late))
                 estimates.append(seen_now)
                 surprise.append(float(getattr(estimator, "surprise", np.nan)))
-            u = as_array(
-                ask(now, seen_now), f"controller({now:g}, x)", (stood.system.nu,), names=stood.system.input_names
-            )
+            said = ask(now, seen_now)
+            u = as_array(said, f"inputs({now:g}, x)", (stood.system.nu,), names=stood.system.input_names)
             if hasattr(controller, "info"):
                 infos.append(controller.info)
             after = stood.step(at, u, k)
         except LeastActionError as error:
+            if k == 0 and isinstance(error, ArgumentError) and np.shape(said) != (stood.system.nu,):
+                raise  # what does not fit from the start is no end of a loop
             failure = f"the loop ended at t = {now:.6g} s: {error}"
             break
         if disturbance is not None:
@@ -239,8 +241,8 @@ def close_loop(
         read_only(np.array(states)),
         read_only(np.array(inputs).reshape(done, stood.system.nu)),
         read_only(np.array(read)),
-        read_only(np.array(estimates)) if estimator is not None else None,
-        read_only(np.array(surprise)) if estimator is not None else None,
+        read_only(np.array(estimates[:done])) if estimator is not None else None,
+        read_only(np.array(surprise[:done])) if estimator is not None else None,
         tuple(infos),
         names,
         stood.system.input_names,
@@ -273,6 +275,11 @@ def _read_by(
         return Readings(plant.system, measure), lambda state: state
     model = getattr(estimator, "system", None) or getattr(controller, "system", None)
     own = getattr(estimator, "readings", None)
+    if own is not None and own.nx != plant.system.nx:
+        raise ArgumentError(
+            f"measure: got none, and the estimator reads states of {own.nx} numbers, of which the plant has "
+            f"{plant.system.nx}; say what is read of the plant"
+        )
     return own or Readings(plant.system, plant.system.state_names), plant.converts_for(model)
 
 
@@ -282,13 +289,13 @@ def _late(delay: float, times: Array) -> int:
     if seconds == 0.0:
         return 0
     dt = float(steps[0])
-    count = round(seconds / dt)
+    count = int(np.floor(seconds / dt + _MULTIPLE))
     if float(np.ptp(steps)) > _MULTIPLE * dt:
         raise ArgumentError("delay: got one with steps of different lengths, expected equal steps")
     if abs(seconds - count * dt) > _MULTIPLE * dt:
         raise ArgumentError(
             f"delay: got {seconds:g} s, which is no multiple of the step of {dt:g} s; expected "
-            f"{max(0, count) * dt:g} s or {(count + 1) * dt:g} s, or give times with a step that divides it"
+            f"{count * dt:g} s or {(count + 1) * dt:g} s, or give times with a step that divides it"
         )
     return count
 

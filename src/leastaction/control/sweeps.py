@@ -185,8 +185,9 @@ def _results(
         for each in found:  # noqa: UP028 - so that it is closed below, and not here
             yield each
     except BrokenExecutor as error:
+        reason = str(error).partition(". ")[0]
         raise SweepError(
-            f"worker processes died after {len(done)} of {len(values)} results: killed, or out of memory ({error}). "
+            f"worker processes died after {len(done)} of {len(values)} results: killed, or out of memory ({reason}). "
             "Give fewer workers; with `keep` the sweep goes on where it was",
             done=dict(done),
         ) from error

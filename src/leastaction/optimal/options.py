@@ -16,7 +16,7 @@ Method = Literal["auto", "steepest", "quasi-newton", "newton"]
 Regulator = Literal["descent", "lqr"]
 Shooting = Literal["auto", "single", "multiple"]
 
-WAY_NAMES = ("freely", "gaps", "easing", "prices", "resolved", "given")
+WAY_NAMES = ("freely", "gaps", "easing", "resolved")
 """Names of the ways to begin again (see `leastaction.optimal.ways`)."""
 
 
@@ -61,8 +61,7 @@ class Options:
         Integrator and tolerances in continuous time.
     without : iterable of str
         Ways to begin again that are not taken: "freely" (from the minimum without limits), "gaps" (multiple shooting),
-        "easing" (dear inputs first), "prices" (dearer limits), "resolved" (within what the steps of time resolve),
-        "given" (from the given curve, before limits are said not to be met).
+        "easing" (dear inputs first), "resolved" (within what the steps of time resolve).
 
     Raises
     ------

@@ -8,7 +8,6 @@ from typing import Any
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.step_quality import StepQuality
-from leastaction.optimal.limit_report import LimitReport
 
 
 @dataclass(frozen=True)
@@ -74,14 +73,6 @@ class Resolved(Frozen):
 
 
 @dataclass(frozen=True)
-class Nearer(Frozen):
-    """The end of a search with violated limits, and its report of them: the next search may violate them more."""
-
-    place: Place
-    limits: LimitReport
-
-
-@dataclass(frozen=True)
 class OnMesh(Frozen):
     """Where a search on a mesh of a continuous horizon stands.
 
@@ -103,14 +94,13 @@ class RunState(Frozen):
     """What a run remembers from one iteration to the next.
 
     ``taken``: names of the ways to begin again that it has taken. ``resolved``: None where the steps of time are no
-    limit. ``nearer``: where it ended before prices were raised. ``still``: steps in a row that lowered the cost by no
-    more than its noise. ``roughness``: what the cost was seen to be off by. ``tells_saddles``: whether Newton's model
-    does, in this stage; None of files from before this was kept. ``remark``: what is to be said of the next iteration.
+    limit. ``still``: steps in a row that lowered the cost by no more than its noise. ``roughness``: what the cost was
+    seen to be off by. ``tells_saddles``: whether Newton's model does, in this stage; None of files from before this was
+    kept. ``remark``: what is to be said of the next iteration.
     """
 
     taken: tuple[str, ...] = ()
     resolved: Resolved | None = None
-    nearer: Nearer | None = None
     still: int = 0
     roughness: float = 0.0
     tells_saddles: bool | None = None
@@ -149,7 +139,7 @@ class SearchState(Frozen):
     mesh: OnMesh | None = None
 
 
-_RUN = ("taken", "resolved", "nearer", "still", "roughness", "tells_saddles", "remark")
+_RUN = ("taken", "resolved", "still", "roughness", "tells_saddles", "remark")
 _BEGUN = {"start": "given", **{name: name for name in ("curve", "wanted", "first", "earlier", "ease")}}
 
 

@@ -68,8 +68,6 @@ def check_result(result: OptimizationResult, source: str) -> None:
         places = {"begun.earlier": begun.earlier, "gaps": gaps}
         if run.resolved is not None:
             places["run.resolved.before"] = run.resolved.before
-        if run.nearer is not None:
-            places["run.nearer.place"] = run.nearer.place
         for where, place in places.items():
             if place is not None:
                 # With unknowns the states of a run are longer than those of its result.

@@ -7,19 +7,22 @@ breaks limits by little is led back to them by a price more surely: half the squ
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
 from leastaction.optimal.discrete.system import DiscreteSystem
-from leastaction.optimal.limits.charts import charted
+from leastaction.optimal.limits.charts import PlainEntries, charted
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.limits.rows import Rows, Weights
-from leastaction.optimal.quantity import Instants, Samples, as_slice
+from leastaction.optimal.quantity import Entries, Instants, Samples, as_slice
+from leastaction.optimal.space import StateSpace
 
 
 class PricedLimit(NamedTuple):
@@ -54,7 +57,9 @@ class PricedLimits(AddedCost):
         super().__init__(cost, "limits", (system.N, system.nx, system.nu))
         self._ndx, space = system.ndx, system.charts()
         self._rows = tuple(
-            (rows, each.weight) for each in priced for rows in charted(each.limit.rows(system, 1), space)
+            (_priced(rows, each.limit, space), each.weight)
+            for each in priced
+            for rows in charted(each.limit.rows(system, 1), space)
         )
         columns = [self._columns_of(rows) for rows, _ in self._rows]
         self._columns = np.unique(np.concatenate([np.empty(0, dtype=np.intp), *columns]))
@@ -122,3 +127,16 @@ class PricedLimits(AddedCost):
         ndx, nu = self._ndx, self._sizes[2]
         columns = rows.quantity.columns(ndx, nu)
         return np.arange(ndx if rows.quantity.of_state else ndx + nu) if columns is None else columns
+
+
+def _priced(rows: Rows, limit: Limit, space: StateSpace | None) -> Rows:
+    """Return rows that can have a price: of a state, or of a step without the state that it leads to."""
+    quantity = rows.quantity
+    if quantity.looks_ahead:
+        raise ArgumentError(
+            f"{limit}: {quantity.kind} {quantity.names[0]} depends on the state that a step leads to, and has no "
+            "price; expected limits of states and inputs, or give it to `optimize`"
+        )
+    if space is not None and isinstance(quantity, Entries) and not quantity.of_state:
+        return replace(rows, quantity=PlainEntries(quantity, space.ndx + quantity.places))
+    return rows

@@ -45,23 +45,17 @@ class BarrierStages:
     """The stages of an optimisation with limits: one barrier problem after the other.
 
     ``tolerance``: of the optimisation. ``digits``: of a limit's size is the least room that is told from none.
-    ``dearer``: than others are at first equations and what is asked at a single instant; it may be more later.
+    ``dearer``: than others are at first equations and what is asked at a single instant.
     """
 
     def __init__(self, duals: Duals, tolerance: float, digits: float, dearer: float = 1.0) -> None:
-        self.duals, self.tolerance, self.digits = duals, tolerance, digits
-        self.dearer = self.dearer_at_first = dearer
+        self.duals, self.tolerance, self.digits, self.dearer = duals, tolerance, digits, dearer
         self.count = duals.layout.ends[-1]
         self.size = self.first_mu = self.last = np.nan
 
     def renew(self) -> None:
         """Be as if nothing had been searched."""
-        self.dearer = self.dearer_at_first
         self.duals.leeway.give_all_back()
-
-    def make_dearer(self, factor: float) -> None:
-        """Begin the next time with higher prices of equations and of what is asked at a single instant."""
-        self.dearer *= factor
 
     def begin(self, value: float, c: Sided, otherwise: Callable[[], float], depths: Array | float = np.inf) -> None:
         """Begin at a trajectory, given its cost, the values of its limits, and how deep these are (see `Duals.begin`).

@@ -217,11 +217,6 @@ class Beginning:
         self.put_limits_in()
         return True
 
-    def begin_anew(self, start: Start) -> None:
-        """Begin again from a start, without limits as yet."""
-        self.parts.put_out()
-        self._set_out_from(start.x, start.u)
-
     def go_on_from(self, x: Array, u: Array, report: LimitReport | None) -> None:
         """Begin the last stage at a trajectory; ``report``: of the limits there, where their duals are known."""
         self.parts.set_ease(1.0)

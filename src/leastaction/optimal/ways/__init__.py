@@ -10,11 +10,9 @@ from leastaction.optimal.loop.way import Way
 from leastaction.optimal.ways.easing import EASING
 from leastaction.optimal.ways.freely import FREELY
 from leastaction.optimal.ways.gaps import GAPS
-from leastaction.optimal.ways.given import GIVEN
-from leastaction.optimal.ways.prices import PRICES
 from leastaction.optimal.ways.resolved import RESOLVED
 
-WAYS: tuple[Way, ...] = (FREELY, GAPS, EASING, PRICES, RESOLVED, GIVEN)
+WAYS: tuple[Way, ...] = (FREELY, GAPS, EASING, RESOLVED)
 """All of them, in the order in which they are tried."""
 
 __all__ = ["WAYS", "Way"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, overload
 
 import numpy as np
@@ -26,6 +27,8 @@ from leastaction.systems.orientations import quaternions_of
 
 Wanted = Mapping[str, float | ArrayLike | Callable[[float], float]] | ArrayLike | None
 """Values over the instants by name: a number, (N+1,), or a function of the time (s); or states (N+1, nx) or (nx,)."""
+
+_SINGULAR = 1e13  # entry of the inverse of a mass matrix, scaled to a diagonal of ones, that has no digits
 
 
 @overload
@@ -77,7 +80,8 @@ def tracking(
         ``{"left_elbow": 100, "p_*": 1e-3}``. Of a `MidpointSystem` ``"left_elbow.v"`` is the velocity of a variable
         (``"*.v"`` that of all), with the inertia at the wanted motion; of a `MechanismSystem` it is that entry of the
         state. A later name overrides an earlier one. Of a joint whose rotation is a quaternion ``"hips.wx"`` is the
-        rotation that is missing about that axis of it (rad), and ``"hips.wx.v"`` its angular velocity.
+        rotation that is missing about that axis of it (rad), and ``"hips.wx.v"`` its angular velocity; ``"hips"`` and
+        ``"hips.v"`` are those about all three.
     wanted : mapping, or array_like (N+1, nx) or (nx,), or callable, optional
         What is wanted, by name: a number, (N+1,) values, or a function of the time (s); or whole states. Zero if left
         out, velocities too. Of a joint whose rotation is a quaternion, by its name, the rotation: (3, 3) or
@@ -197,10 +201,22 @@ def _weights(system: DiscreteSystem, weights: Mapping[str, float], x: Array, wha
         M = np.asarray(m.mass_matrix(np.ascontiguousarray(state[: m.nq])))
         # p = M_dd v + M_dr v_rho, so v is by both.
         by = np.zeros((m.nv, len(names)))
-        inverse = np.linalg.inv(M[: m.nd, : m.nd])
-        by[: m.nd, momenta] = inverse
+        by[: m.nd, momenta] = inverse = _inverse(M[: m.nd, : m.nd], f"{what}: got some of velocities", k)
         rho = slice(m.nv + m.nd, m.ndx)
         by[: m.nd, rho] = -inverse @ M[: m.nd, m.nd :]
         by[m.nd :, rho] = np.eye(m.nrho)
         out[k] += by.T @ (of_rates[:, None] * by)
     return out
+
+
+def _inverse(M: Array, what: str, k: int) -> Array:
+    """Return the inverse of a mass matrix, or complain of one that has none."""
+    scale = np.sqrt(np.outer(np.diag(M), np.diag(M)))
+    with suppress(np.linalg.LinAlgError):
+        found = np.linalg.inv(M / scale) if scale.all() else np.full(M.shape, np.inf)
+        if np.abs(found).max(initial=0.0) < _SINGULAR:
+            return np.asarray(found / scale)
+    raise ArgumentError(
+        f"{what}, and the mass matrix is singular at instant {k} of the wanted motion, as of joints without a mass "
+        "between them; expected weights of momenta, 'p_*', or masses"
+    )

@@ -13,20 +13,24 @@ from leastaction.numerics.arrays import Array, as_array, as_number, require_mapp
 from leastaction.numerics.names import matching
 from leastaction.optimal.system import System
 
+_TURNS = ".w[xyz]"  # pattern of the names of what a rotation turns by, behind its own
 _LEAST_EFFORT = 1e-9  # price of an input that has none: without one there need be no minimum
 
 
 def places_of(name: str, names: Sequence[str], variables: Sequence[str], first_rate: int, what: str) -> list[int]:
     """Return the places of a name among `names`, or of a rate ``"x.v"`` behind `first_rate`.
 
+    A joint that is a rotation has no entry of its own name: this means what it turns by about all three axes.
+
     Raises
     ------
     ArgumentError
         Where there is none, with the nearest name.
     """
-    places = matching(names, name)
+    places = matching(names, name) or matching(names, f"{name}{_TURNS}")
     if name.endswith(".v"):
-        places += [first_rate + i for i in matching(variables, name.removesuffix(".v"))]
+        stem = name.removesuffix(".v")
+        places += [first_rate + i for i in matching(variables, stem) or matching(variables, f"{stem}{_TURNS}")]
     if not places:
         raise unknown("name", name, (*names, *(f"{each}.v" for each in variables)), what)
     return places
