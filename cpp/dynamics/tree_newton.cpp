@@ -78,8 +78,10 @@ TreeNewton::TreeNewton(const Mechanism& mechanism, bool turning) {
 bool TreeNewton::factor(const Lagrangian<double>& lagrangian, double dt, const double* diagonal,
                         const BallTurn* turns) {
     const double quarter = 0.25 * dt, rate = 1.0 / dt;
-    return eliminate<true>([&](const Node& node, Vector* u, Vector* w, Factors* at, Block& block) {
-        if (node.ball >= 0) return load_ball(lagrangian, node.joint, dt, turns[node.ball], u, w, at, block);
+    const auto ball = [&](const Node& node, Vector* u, Vector* w, Factors* at, Block& block) {
+        load_ball(lagrangian, node.joint, dt, turns[node.ball], u, w, at, block);
+    };
+    const auto variable = [&](const Node& node, Vector* u, Vector* w, Factors* at, Block& block) {
         const JointVectors vectors = lagrangian.vectors(node.joint);
         for (int k = 0; k < 6; ++k) {
             const double S = vectors.S[k], W = vectors.W[k], even = -rate * S - quarter * vectors.G[k], odd = 0.5 * W;
@@ -90,7 +92,8 @@ bool TreeNewton::factor(const Lagrangian<double>& lagrangian, double dt, const d
         }
         *u = *w = Eigen::Map<const Vector>(vectors.AB);
         block[0][0] = diagonal[node.variable];
-    });
+    };
+    return eliminate(variable, ball);
 }
 
 void TreeNewton::load_ball(const Lagrangian<double>& lagrangian, int joint, double dt, const BallTurn& turn, Vector* u,
@@ -146,7 +149,7 @@ void TreeNewton::load_ball(const Lagrangian<double>& lagrangian, int joint, doub
 }
 
 bool TreeNewton::factor(const NewtonEuler& bodies, const double* diagonal) {
-    return eliminate<false>([&](const Node& node, Vector* u, Vector* w, Factors* at, Block& block) {
+    const auto variable = [&](const Node& node, Vector* u, Vector* w, Factors* at, Block& block) {
         const Motion<double>& S = bodies.at.twist[node.joint];
         at->b << S.v.x, S.v.y, S.v.z, S.w.x, S.w.y, S.w.z, 0, 0, 0, 0, 0, 0;
         at->c = at->b;
@@ -154,15 +157,16 @@ bool TreeNewton::factor(const NewtonEuler& bodies, const double* diagonal) {
         *u << Y[0], Y[1], Y[2], Y[3], Y[4], Y[5], 0, 0, 0, 0, 0, 0;
         *w = *u;
         block[0][0] = diagonal[node.variable];
-    });
+    };
+    return eliminate(variable, nullptr);
 }
 
-template <bool turning, class Load>
-bool TreeNewton::eliminate(const Load& load) {
+template <class Load, class LoadBall>
+bool TreeNewton::eliminate(const Load& load, const LoadBall& load_ball) {
     for (std::size_t n = nodes_.size(); n-- > 0;) {
-        if constexpr (turning) {
+        if constexpr (!std::is_null_pointer_v<LoadBall>) {
             if (nodes_[n].ball >= 0) {
-                if (!eliminate_node<3>(n, load)) return false;
+                if (!eliminate_node<3>(n, load_ball)) return false;
                 continue;
             }
         }
@@ -174,7 +178,8 @@ bool TreeNewton::eliminate(const Load& load) {
 // Adds P b to w and P'c to u. Of an only child with `below` variables the update of P is still to be done: it shares the pass
 // over P with the products.
 template <int size, int below>
-void TreeNewton::add_products(Projection& P, const Factors* below_it, Factors* at, Vector* u, Vector* w) {
+[[gnu::always_inline]] inline void TreeNewton::add_products(Projection& P, const Factors* below_it, Factors* at,
+                                                            Vector* u, Vector* w) {
     for (int r = 0; r < rank; ++r) {
         Vector column = P.columns[r], row = P.rows[r];
         for (int k = 0; k < below; ++k) {
@@ -209,7 +214,7 @@ void TreeNewton::join_sum(const Node& node) {
 }
 
 template <int size, class Load>
-bool TreeNewton::eliminate_node(std::size_t n, const Load& load) {
+[[gnu::always_inline]] inline bool TreeNewton::eliminate_node(std::size_t n, const Load& load) {
     const Node& node = nodes_[n];
     Factors* at = &factors_[node.variable];
     Vector u[size], w[size], a[size];
@@ -272,7 +277,7 @@ bool TreeNewton::eliminate_node(std::size_t n, const Load& load) {
 
 // Calls f(its variables' count, a node).
 template <class F>
-void TreeNewton::by_size(const Node& node, const F& f) {
+[[gnu::always_inline]] inline void TreeNewton::by_size(const Node& node, const F& f) {
     if (node.ball < 0)
         f(std::integral_constant<int, 1>(), node);
     else

@@ -206,7 +206,7 @@ def test_derivatives_are_those_of_differences(elements: tuple[Element, ...]) -> 
 
 @pytest.mark.parametrize("size", [0.2, 0.3, 0.35])
 def test_a_step_past_half_a_turn_has_derivatives(size: float) -> None:
-    """By 1.9, 4.5 and 5.6 rad: its numbers change their sign where it goes past the shorter way."""
+    """By 3.0, 4.5 and 5.6 rad: its numbers change their sign where it goes past the shorter way."""
     top = ball("top", mass=1.0, com=(0.0, 0.0, -0.15), inertia=(8e-3, 8e-3, 1e-3))
     m = Mechanism([top], [Gravity(), *[JointForce(f"top.w{a}", a) for a in "xyz"]])
     vi = MidpointVI(m, tolerance=1e-15)
