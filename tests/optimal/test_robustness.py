@@ -468,7 +468,9 @@ def test_a_cost_without_an_easier_one_begins_again_otherwise():
 def test_steps_without_a_solution_are_told_before_derivatives():
     """Where no step along the iterate itself is coarse, but the search was ended by those that cannot be made."""
     worst = StepQuality(t=0.0, s=262.0, angle=0.0754, variable="j2")
-    problem = SimpleNamespace(here=SimpleNamespace(worst_step=worst), stages=SimpleNamespace(unfinished="", unmet=""))
+    problem = SimpleNamespace(
+        here=SimpleNamespace(worst_step=worst), stages=SimpleNamespace(unfinished="", violated="")
+    )
     said = message(problem, Outcome(Status.LINE_SEARCH_FAILED, "step 0 could not be solved", barred=True))
     assert said.startswith("The cost falls towards motions in which a step of time has no solution")
     assert "Take steps of time 2 times shorter" in said
@@ -480,7 +482,9 @@ def test_a_coarse_step_that_was_tried_last_is_told_as_one_of_the_last_iterate_is
     """The iterate before it may be just below where a step is called coarse, or just above, by rounding."""
     sound = StepQuality(t=0.08, s=1.97, angle=0.372, variable="pitch")
     tried = StepQuality(t=0.1, s=771.0, angle=0.764, variable="pitch")
-    problem = SimpleNamespace(here=SimpleNamespace(worst_step=sound), stages=SimpleNamespace(unfinished="", unmet=""))
+    problem = SimpleNamespace(
+        here=SimpleNamespace(worst_step=sound), stages=SimpleNamespace(unfinished="", violated="")
+    )
     outcome = Outcome(Status.LINE_SEARCH_FAILED, "step 5 could not be solved", barred=True, refused=tried)
     assert coarse_step(problem, outcome) is tried
     said = message(problem, outcome)
@@ -489,7 +493,9 @@ def test_a_coarse_step_that_was_tried_last_is_told_as_one_of_the_last_iterate_is
     assert "Along the last iterate the coarsest step is that at t = 0.08 s" in said
     assert "In what was tried last the time step is coarse at t = 0.1 s: s = 771, 'pitch' moved by 0.764 rad" in said
     # That of the iterate is told alone where it is coarse itself; neither, where constraints are about to lose rank.
-    whirling = SimpleNamespace(here=SimpleNamespace(worst_step=tried), stages=SimpleNamespace(unfinished="", unmet=""))
+    whirling = SimpleNamespace(
+        here=SimpleNamespace(worst_step=tried), stages=SimpleNamespace(unfinished="", violated="")
+    )
     assert coarse_step(whirling, replace(outcome, refused=sound)) is tried
     assert "tried last" not in message(whirling, replace(outcome, refused=sound))
     assert coarse_step(problem, replace(outcome, refused=replace(tried, angle=0.05))) is None

@@ -92,7 +92,7 @@ class ContinuousModels(DescentModels[ContinuousLinearQuadraticSolution, Continuo
     # The Riccati equation is the stiffer the larger the weights, and it is integrated explicitly.
     largest_shift = 10.0
 
-    sees_walls = False
+    knows_longest_step = False
 
     def __init__(
         self,
@@ -130,7 +130,7 @@ class ContinuousModels(DescentModels[ContinuousLinearQuadraticSolution, Continuo
     def refined(self, direction: ContinuousDirection, *, holds: bool) -> ContinuousDirection:  # noqa: ARG002
         return direction
 
-    def left_beside_rounding(self) -> float:
+    def remaining_decrease(self) -> float:
         return np.inf
 
     def negative_curvature(self, scale: float) -> ContinuousDirection | None:

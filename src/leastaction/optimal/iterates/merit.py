@@ -39,12 +39,12 @@ class AlongIterate(Protocol):
 class Merit(ABC):
     """What is minimised, with its derivatives along the iterate, which are kept until that moves.
 
-    ``cost``: that of trajectories, of which a trial is given up early. ``has_walls``: whether barriers are a part of
+    ``cost``: that of trajectories, of which a trial is given up early. ``has_barriers``: whether barriers are a part of
     it: `first_step` sees these, and beside their stiffness models may drown in rounding.
     """
 
     cost: Cost
-    has_walls: bool
+    has_barriers: bool
 
     @abstractmethod
     def forget(self) -> None:
@@ -93,7 +93,7 @@ class Merit(ABC):
         """
 
     @abstractmethod
-    def left_beside_rounding(self, along: AlongIterate) -> float:
+    def remaining_decrease(self, along: AlongIterate) -> float:
         """Return a decrease no smaller than what is left, where rounding drowns models; infinity if nothing tells."""
 
     @abstractmethod
@@ -129,7 +129,7 @@ class Merit(ABC):
 class CostMerit(Merit):
     """The cost alone: that of a stage."""
 
-    has_walls = False
+    has_barriers = False
 
     def __init__(self, cost: Cost, here: Here) -> None:
         self.cost, self.here = cost, here
@@ -179,7 +179,7 @@ class CostMerit(Merit):
     def refined(self, direction: DiscreteDirection, along: AlongIterate, *, holds: bool) -> DiscreteDirection:  # noqa: ARG002
         return direction
 
-    def left_beside_rounding(self, along: AlongIterate) -> float:  # noqa: ARG002
+    def remaining_decrease(self, along: AlongIterate) -> float:  # noqa: ARG002
         return np.inf
 
     def settle(self) -> None:

@@ -181,16 +181,16 @@ class Models(DescentModels[LinearQuadraticSolution, DiscreteDirection]):
         return self.merit.magnitude()
 
     @property
-    def sees_walls(self) -> bool:
-        return self.merit.has_walls
+    def knows_longest_step(self) -> bool:
+        return self.merit.has_barriers
 
     def minimise(self, method: str, scale: float, shift: float = 0.0) -> LinearQuadraticSolution:
         """Return the minimum of a method's model, also over an initial state that is free."""
         model = self._minimised(method, scale, shift)
         # In exact numbers a convex model has a minimum.
         is_lost = method == "quasi-newton" and not model.definite
-        self.is_drowned = self.merit.has_walls and (is_lost or model.smallest_eigenvalue > 0.0)
-        if self.is_drowned:
+        self.is_below_rounding = self.merit.has_barriers and (is_lost or model.smallest_eigenvalue > 0.0)
+        if self.is_below_rounding:
             # Beside stiff limits the rest of the curvature is lost in rounding: this is no saddle.
             self.tells_saddles = False
         return model
@@ -207,10 +207,10 @@ class Models(DescentModels[LinearQuadraticSolution, DiscreteDirection]):
     def refined(self, direction: DiscreteDirection, *, holds: bool) -> DiscreteDirection:
         return self.merit.refined(direction, self, holds=holds)
 
-    def left_beside_rounding(self) -> float:
+    def remaining_decrease(self) -> float:
         if self.here.is_open or not self.has_curvature:
             return np.inf
-        return self.merit.left_beside_rounding(self)
+        return self.merit.remaining_decrease(self)
 
     def keep_feedback(self, direction: DiscreteDirection) -> None:
         self.feedback = direction.gain

@@ -37,7 +37,7 @@ class BarrierMerit(Merit):
     None if that is not known. ``are_settled``: whether no step of the duals is needed any more.
     """
 
-    has_walls = True
+    has_barriers = True
 
     def __init__(self, limited: LimitedCost, stages: BarrierStages, here: Here) -> None:
         self.cost, self.limited, self.duals, self.stages, self.here = limited.cost, limited, limited.duals, stages, here
@@ -294,7 +294,7 @@ class BarrierMerit(Merit):
     def settle(self) -> None:
         self.are_settled = True
 
-    def left_beside_rounding(self, along: AlongIterate) -> float:
+    def remaining_decrease(self, along: AlongIterate) -> float:
         """Return a decrease that is no smaller than what is left, by Newton's model with softer limits.
 
         That lies below the model itself: it has a minimum only where this has one, and expects no less. Its linear part

@@ -122,9 +122,9 @@ class Directions:
     def _end_drowned(self) -> None:
         """Raise `EndFound` where rounding has left no model, and next to nothing is expected."""
         run = self.run
-        if not run.problem.models.is_drowned:
+        if not run.problem.models.is_below_rounding:
             return
-        left = run.problem.models.left_beside_rounding()
+        left = run.problem.models.remaining_decrease()
         if left <= run.asked:
             raise EndFound(Outcome(Status.CONVERGED, expected=left))
         if run.history.iterations > 0:

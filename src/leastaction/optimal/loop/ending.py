@@ -62,7 +62,7 @@ def message(problem: Problem[Any, Any, Any], outcome: Outcome) -> str:
     if status in (Status.SADDLE, Status.NO_DIRECTION) and problem.report.undetermined:
         parts = [problem.report.undetermined]
     if status is not Status.INFEASIBLE:
-        parts.append(problem.stages.unmet)
+        parts.append(problem.stages.violated)
     if worst is not None and status in (*STUCK, Status.NO_DIRECTION):
         parts.append(f"Along the last iterate {worst}.")
         coarse = coarse_step(problem, outcome)

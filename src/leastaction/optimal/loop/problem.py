@@ -115,7 +115,7 @@ class Stages(ABC):
 
     @property
     @abstractmethod
-    def is_unmet(self) -> bool:
+    def violates_limits(self) -> bool:
         """Whether the minimum of the last stage violates limits."""
 
     @property
@@ -130,7 +130,7 @@ class Stages(ABC):
 
     @property
     @abstractmethod
-    def unmet(self) -> str:
+    def violated(self) -> str:
         """Which limits the iterate violates, in words; empty where it violates none."""
 
     @abstractmethod
@@ -138,8 +138,8 @@ class Stages(ABC):
         """Return the expected decrease that is small enough in it, given what is so at the end."""
 
     @abstractmethod
-    def relent(self) -> bool:
-        """Have a stage that led nowhere ask for less, or otherwise, and return whether there is such a thing."""
+    def loosen(self) -> bool:
+        """Have a stage that led nowhere ask for less, or for the same in another way; return whether there is one."""
 
     @abstractmethod
     def verdict(self) -> tuple[Status, str] | None:
@@ -151,8 +151,8 @@ class OneStage(Stages):
 
     patience = 1
     longest = None
-    is_passing = is_open = is_unmet = False
-    remark = unfinished = unmet = ""
+    is_passing = is_open = violates_limits = False
+    remark = unfinished = violated = ""
 
     def __init__(self, patience: int) -> None:
         self.patience = patience
@@ -160,7 +160,7 @@ class OneStage(Stages):
     def tolerated(self, goal: float) -> float:
         return goal
 
-    def relent(self) -> bool:
+    def loosen(self) -> bool:
         return False
 
     def verdict(self) -> tuple[Status, str] | None:
@@ -197,8 +197,8 @@ class DescentModels(ABC, Generic[M, D]):
     """Whether Newton's method is available."""
     tells_saddles: bool = False
     """Whether Newton's undamped model can be trusted to tell a minimum from a saddle, in this stage."""
-    is_drowned: bool = False
-    """Whether rounding has taken from the last model what tells of its minimum: weights are too far apart."""
+    is_below_rounding: bool = False
+    """Whether the minimum of the last model is lost to rounding, because its weights are too far apart."""
     largest_shift: float = 1e9
     """Of the weights of all deviations (Levenberg-Marquardt): a direction under more is not tried."""
 
@@ -209,8 +209,11 @@ class DescentModels(ABC, Generic[M, D]):
 
     @property
     @abstractmethod
-    def sees_walls(self) -> bool:
-        """Whether first steps see what steps are shortened for: one taken as it came says nothing of the next."""
+    def knows_longest_step(self) -> bool:
+        """Whether how far a step may go is known before it is tried, as between barriers.
+
+        A first step that is taken whole then says nothing of the next.
+        """
 
     @abstractmethod
     def minimise(self, method: str, scale: float, shift: float = 0.0) -> M:
@@ -234,8 +237,8 @@ class DescentModels(ABC, Generic[M, D]):
         """
 
     @abstractmethod
-    def left_beside_rounding(self) -> float:
-        """Return a decrease no smaller than what is left, where rounding drowns models; infinity if nothing tells."""
+    def remaining_decrease(self) -> float:
+        """Return an upper bound of the decrease that is left where models are lost to rounding; infinity if unknown."""
 
     @abstractmethod
     def keep_feedback(self, direction: D) -> None:

@@ -107,8 +107,8 @@ class Run:
         return self.schedule.holds and self.history.iterations == 0
 
     @property
-    def was_violent(self) -> bool:
-        """Whether most of the first steps had to be cut short: the run is likely to get lost."""
+    def began_with_short_steps(self) -> bool:
+        """Whether most of the first steps had to be short: such a search is likely to end at no minimum."""
         return sum(length < _CUT for length in self.history.step_lengths[:FIRST_STEPS]) >= _MOST
 
     @property
@@ -178,7 +178,7 @@ class Run:
             self.remember(still=still)
         self.schedule = self.schedule.after_step(
             direction.method, direction.curvature_scale, step.length, agreement, -direction.slope, cost,
-            held=abs(share - 1.0) < _HOLDS, free=step.rollouts == 1 and self.problem.models.sees_walls,
+            held=abs(share - 1.0) < _HOLDS, free=step.rollouts == 1 and self.problem.models.knows_longest_step,
         )  # fmt: skip
 
     def doubt_model(self) -> None:

@@ -43,9 +43,9 @@ class StageSequence:
         stuck = outcome.status in STUCK
         if (outcome.status in _ENDS or (stuck and stages.longest is not None)) and self._next():
             return True
-        if outcome.status in _ENDS and stages.is_unmet:
+        if outcome.status in _ENDS and stages.violates_limits:
             outcome = Outcome(Status.INFEASIBLE, expected=outcome.expected)
-        elif stuck and stages.relent():
+        elif stuck and stages.loosen():
             self.run.set_out(NewtonSchedule(), "what led nowhere is made again, with other prices or without leeway")
             return True
         return outcome.status not in _CUT_OFF and self._begin(outcome, self.ways)
@@ -80,6 +80,6 @@ class StageSequence:
         if not was_open:
             return False
         run.set_out(NewtonSchedule(), "the gaps did not close, back to where it stood")
-        if run.was_violent and not run.problem.models.sees_walls:
+        if run.began_with_short_steps and not run.problem.models.knows_longest_step:
             self._begin(LOST, self.ways)
         return True

@@ -48,7 +48,7 @@ class DiscreteStages(Stages):
         return self.parts.here.is_open
 
     @property
-    def is_unmet(self) -> bool:
+    def violates_limits(self) -> bool:
         limits = self.parts.limits
         return not (limits is None or self.is_open or limits.are_met)
 
@@ -73,8 +73,8 @@ class DiscreteStages(Stages):
         )
 
     @property
-    def unmet(self) -> str:
-        if not self.is_unmet:
+    def violated(self) -> str:
+        if not self.violates_limits:
             return ""
         return f"Limits are still violated: {self.parts.report().violated(self.parts.system.when)}."
 
@@ -88,7 +88,7 @@ class DiscreteStages(Stages):
             goal = max(goal, _LOOSE * abs(parts.here.value))
         return parts.grid.tolerated(goal, parts.here)
 
-    def relent(self) -> bool:
+    def loosen(self) -> bool:
         """Make a stage again that led nowhere, otherwise; return whether there is another way.
 
         Without the leeway it was lent; else with all excess as dear, where limits are far off.

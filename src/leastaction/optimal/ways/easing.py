@@ -37,7 +37,7 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
         return False
     if outcome is None:
         # Steps that barriers shorten are no sign of a violent motion.
-        return run.was_violent and problem.parts.barrier is None
+        return run.began_with_short_steps and problem.parts.barrier is None
     return outcome is LOST or outcome.status in STUCK
 
 

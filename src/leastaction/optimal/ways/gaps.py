@@ -41,7 +41,7 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
         return outcome.status in STUCK and _are_preferred(problem)
     # Steps that barriers shorten are no sign of a violent motion.
     if run.history.iterations == FIRST_STEPS:
-        return run.was_violent and problem.parts.barrier is None
+        return run.began_with_short_steps and problem.parts.barrier is None
     return run.history.iterations == _long_run(problem) and not (run.began_again or run.creeps)
 
 
@@ -53,7 +53,7 @@ def _is_unmet(run: Run, outcome: Outcome | None) -> bool:
         return False
     if _UNMET in run.state.taken or problem.settings.shooting == "single":
         return False
-    return problem.stages.is_unmet and problem.beginning.begun.curve is not None
+    return problem.stages.violates_limits and problem.beginning.begun.curve is not None
 
 
 def _are_preferred(problem: DiscreteProblem) -> bool:
@@ -80,7 +80,7 @@ def _begin(run: Run, outcome: Outcome | None) -> bool:
     if _is_unmet(run, outcome):
         return _meet_limits(run, problem)
     given = problem.beginning.begun.given
-    brief = run.was_violent and problem.parts.barrier is None and given is not None and not given.is_lost
+    brief = run.began_with_short_steps and problem.parts.barrier is None and given is not None and not given.is_lost
     if not problem.beginning.begin_with_gaps(_BRIEF if brief else None):
         return False
     run.set_out(NewtonSchedule(), "began again, with gaps between the steps")
@@ -92,7 +92,7 @@ def _meet_limits(run: Run, problem: DiscreteProblem) -> bool:
     run.take(_UNMET)
     for attempt, start in _attempts(problem):
         found = problem.found_by(attempt, (start.x, start.u))
-        if found is not None and not (attempt.parts.here.is_open or attempt.stages.is_unmet):
+        if found is not None and not (attempt.parts.here.is_open or attempt.stages.violates_limits):
             problem.beginning.go_on_from(found.x, found.u, of_asked(problem, found.limits))
             run.begin_again("", "began again, from the given start, with dearer limits or gaps")
             return True
