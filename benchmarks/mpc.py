@@ -250,7 +250,8 @@ def main() -> None:
         print(
             f"{task.name:23s} median {median:6.2f}  99 % {high:6.2f}  worst {worst:6.2f}  goal {1e3 * task.goal:4.1f}  "
             f"worst of {np.sum(it.kept)} that kept the processor {alone:6.2f}  "
-            f"violation {it.violation:.1e}, {it.fallbacks} fallbacks, {it.iterations[0]} to {it.iterations[-1]} iterations"
+            f"violation {it.violation:.1e}, {it.fallbacks} fallbacks, "
+            f"{it.iterations[0]} to {it.iterations[-1]} iterations"
         )
     for name, others in {
         "fatrop on the cart-pole": fatrop_on_the_cart,
