@@ -32,6 +32,10 @@ Matrix6 own_block(const Planes& of, std::size_t at, std::size_t stride) {
         {Row{vq[0], qv[y], qv[z], 0.0}, Row{vq[y], vq[y + 1], qv[z + 1], 0.0}, Row{vq[z], vq[z + 1], vq[z + 2], 0.0}}};
     return {symmetric(qq), transposed(v_by_q), v_by_q, symmetric(vv)};
 }
+// a + a', of which the upper right block is left out.
+Matrix6 twice_symmetric(const Matrix6& a) {
+    return {a.aa + transposed(a.aa), {}, a.ba + transposed(a.ab), a.bb + transposed(a.bb)};
+}
 void put_own_block(const Matrix6& block, const Planes& to, std::size_t at, std::size_t stride) {
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j <= i; ++j) {
@@ -39,7 +43,7 @@ void put_own_block(const Matrix6& block, const Planes& to, std::size_t at, std::
             to.qq[ij] = block.aa(i, j);
             to.vv[ij] = block.bb(i, j);
             to.vq[ij] = block.ba(i, j);
-            to.qv[ij] = block.ab(i, j);
+            to.qv[ij] = block.ba(j, i);
         }
 }
 
@@ -167,7 +171,9 @@ void TurnedMiddle::turn(PairDerivatives& pairs) const {
         if (ball.joint >= mechanism_.n_massive) continue;
         const TurnedBall& by = balls_[b];
         const std::size_t at = ball.joint * stride;
-        const Matrix6 own = transposed_product(by.whole, own_block(d, at + ball.joint, stride) * by.whole);
+        // W'HW, with H symmetric.
+        const Matrix6 halves = transposed_product(by.whole, 0.5 * own_block(d, at + ball.joint, stride));
+        const Matrix6 own = twice_symmetric(transposed_product(by.whole, transposed(halves)));
         each_group_before(mechanism_, ball.joint, [&](int j) {
             for (const auto& [q, v] : {std::pair{d.qq, d.vq}, std::pair{d.qv, d.vv}}) {
                 ThreeRows rows(q + at + j, v + at + j, stride);
@@ -192,9 +198,10 @@ void TurnedMiddle::turn(PairDerivatives& pairs, PairDerivatives& values) const {
         if (ball.joint >= mechanism_.n_massive) continue;
         const TurnedBall& by = balls_[b];
         const std::size_t at = ball.joint * stride;
-        const Matrix6 slopes = own_block(d, at + ball.joint, stride) * by.whole;
-        const Matrix6 half = transposed_product(by.field, own_block(x, at + ball.joint, stride) * by.whole);
-        const Matrix6 own = transposed_product(by.whole, slopes) + half + transposed(half);
+        // W'DW + F'XW + W'XF
+        const Matrix6 halves = transposed_product(by.whole, 0.5 * own_block(d, at + ball.joint, stride)) +
+                               transposed_product(by.field, own_block(x, at + ball.joint, stride));
+        const Matrix6 own = twice_symmetric(transposed_product(by.whole, transposed(halves)));
         each_group_before(mechanism_, ball.joint, [&](int j) {
             const std::size_t row = at + j;
             const auto turn_group = [&](double* q, double* v, double* value_q, double* value_v) {
@@ -222,7 +229,9 @@ void TurnedMiddle::copy_values(const Lagrangian<Dual<double>>& of, PairDerivativ
         if (ball.joint >= mechanism_.n_massive) continue;
         for (int i = ball.joint; i < ball.joint + 3; ++i)
             for (const auto& [first, last] : mechanism_.runs[i]) of.pair_values(i, first, last, values);
-        each_row_behind(ball, [&](int i) { of.pair_values(i, ball.joint, ball.joint + 3, values); });
+        each_row_behind(ball, [&](int i) {  // those of other balls are there in full
+            if (ball_of_[mechanism_.joints[i].variable] < 0) of.pair_values(i, ball.joint, ball.joint + 3, values);
+        });
     }
 }
 

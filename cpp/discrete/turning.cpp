@@ -19,7 +19,7 @@ using Matrix6 = Turning::Matrix6;
 using Row = Matrix3::Row;
 Row row(double x, double y, double z) { return Row{x, y, z, 0.0}; }
 Row row(const Vector& a) { return row(a.x, a.y, a.z); }
-const Matrix3 identity{{row(1, 0, 0), row(0, 1, 0), row(0, 0, 1)}}, nothing{};
+const Matrix3 identity{{row(1, 0, 0), row(0, 1, 0), row(0, 0, 1)}};
 Matrix3 outer(const Vector& a, const Vector& b) {
     const Row of_b = row(b);
     return {{a.x * of_b, a.y * of_b, a.z * of_b}};
@@ -201,6 +201,14 @@ Matrix3 Turning::phi_by_d() const {
     return out;
 }
 
+// phi_by_d() times a matrix.
+Matrix3 Turning::by_phi(const Matrix3& m) const {
+    const Row along = phi_.x * m.rows[0] + phi_.y * m.rows[1] + phi_.z * m.rows[2];
+    const double kept = 1.0 - c_ * dot(phi_, phi_);
+    return {{kept * m.rows[0] + (c_ * phi_.x) * along, kept * m.rows[1] + (c_ * phi_.y) * along,
+             kept * m.rows[2] + (c_ * phi_.z) * along}};
+}
+
 Matrix6 Turning::slope() const {
     const Matrix3 P = crossing(phi_), xi_by_d = tau_ * P;
     return {identity, xi_by_d, P - change_by_turn(phi_), phi_by_d() - changed_by_turn(phi_, xi_by_d)};
@@ -213,7 +221,7 @@ Matrix6 Turning::slope() const {
 //
 // c' and tau' by x^2.
 Matrix6 Turning::along(const Vector& g, const Vector& h, const Matrix3& twice_theta, const Matrix3& phi_theta,
-                       const Matrix3& twice_phi) const {
+                       const Matrix3* twice_phi) const {
     const Vector &p = phi_, hp = cross(h, p), gp = cross(g, p), hpp = cross(hp, p);
     const Matrix3 P = crossing(p), phi_d = phi_by_d(), xi_d = tau_ * P;
     // -c ([h] [p] + [h x p]) with [h] [p] = p h' - (h.p) 1 and [h x p] = p h' - h p'
@@ -223,17 +231,20 @@ Matrix6 Turning::along(const Vector& g, const Vector& h, const Matrix3& twice_th
     const Vector f = 0.25 * g;
     const Matrix3 own = 0.5 * twice_theta - Matrix3{{row(0, f.z, -f.y), row(f.z, 0, f.x), row(-f.y, f.x, 0)}};
     const Matrix3 own_d = own * xi_d;
-    const Matrix3 left_s = 0.5 * (twice_phi * P - crossing(h)) + phi_theta;
-    const Matrix3 left_d = 0.5 * (twice_phi * phi_d + Y) + phi_theta * xi_d;
+    Matrix3 left_s = phi_theta - crossing(0.5 * h), left_d = 0.5 * Y + phi_theta * xi_d;
+    if (twice_phi) {
+        left_s = left_s + 0.5 * (*twice_phi * P);
+        left_d = left_d + 0.5 * (*twice_phi * phi_d);
+    }
     const Matrix3 ss = own - crossed(p, left_s), sd = own_d - crossed(p, left_d);
-    const Matrix3 ds = phi_d * left_s - crossed(tau_ * p, own), dd = phi_d * left_d - crossed(tau_ * p, own_d);
+    const Matrix3 ds = by_phi(left_s) - crossed(tau_ * p, own), dd = by_phi(left_d) - crossed(tau_ * p, own_d);
     const Matrix3 both = sd + transposed(ds);
     return {ss + transposed(ss), both, transposed(both), dd + transposed(dd)};
 }
 
 // nu = J^-1 phi.
 Matrix6 Turning::bend(const Vector& g, const Vector& h) const {
-    return along(g - weighted_change(h, phi_), h, bend_form(h, phi_), -1.0 * transposed(change_form(h)), nothing);
+    return along(g - weighted_change(h, phi_), h, bend_form(h, phi_), -1.0 * transposed(change_form(h)), nullptr);
 }
 
 // theta moves by J^-1 xi and nu by J^-1 eta - C(xi) phi + ..., of which xi and eta = dphi depend on phi.
@@ -288,7 +299,7 @@ Matrix6 TurnedField::bend(const Vector& g, const Vector& h, const Vector& of_the
     const Matrix3 half = outer(phi, by_p) + outer(at_.c_ * d_, h) - transposed_product(xi_phi_, change_form(h));
     Matrix3 twice_phi = half + transposed(half);
     add_diagonal(twice_phi, 2.0 * (at_.tau1_ * q + at_.c1_ * r - at_.c_ * dh));
-    return at_.along(by_theta, by_phi, twice_theta, transposed(theta_phi), twice_phi);
+    return at_.along(by_theta, by_phi, twice_theta, transposed(theta_phi), &twice_phi);
 }
 
 Matrix6 by_ends(const Matrix6& form) {

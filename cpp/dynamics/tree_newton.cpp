@@ -103,26 +103,37 @@ void TreeNewton::load_ball(const Lagrangian<double>& lagrangian, int joint, doub
     const double half = 0.5 * dt, four = 4.0 / dt;
     const JointVectors joints[3] = {lagrangian.vectors(joint), lagrangian.vectors(joint + 1),
                                     lagrangian.vectors(joint + 2)};
-    for (int k = 0; k < 3; ++k) at[k].b = at[k].c = u[k] = w[k] = Vector::Zero();
+    // Put together first, so that they are in memory when they are read: [S; S], [W; W], [G; 0] and [0; A].
+    struct Pairs {
+        Vector SS, WW, G, A;
+    } pairs[3];
     for (int l = 0; l < 3; ++l) {
-        // What each coordinate and each rate is worth.
-        Vector b_x, b_n, c_x, c_n, u_x, w_x, a_n;
         const JointVectors& of = joints[l];
-        for (int c = 0; c < 6; ++c) {
-            const double S = of.S[c], W = of.W[c], G = half * of.G[c], A = 2.0 * of.AB[c], B = 2.0 * of.AB[6 + c];
-            b_x[c] = W - G, b_n[c] = -S, c_x[c] = -W - G, c_n[c] = S;
-            b_x[6 + c] = c_x[6 + c] = -half * W, b_n[6 + c] = c_n[6 + c] = half * S;
-            u_x[c] = w_x[c] = A, a_n[c] = 0.0, a_n[6 + c] = A;
-            u_x[6 + c] = B + 0.5 * four * A, w_x[6 + c] = B - 0.5 * four * A;
+        Pairs& to = pairs[l];
+        for (const int first : {0, 6}) {
+            std::copy_n(of.S, 6, to.SS.data() + first);
+            std::copy_n(of.W, 6, to.WW.data() + first);
         }
+        to.G = to.A = Vector::Zero();
+        std::copy_n(of.G, 3, to.G.data());
+        std::copy_n(of.AB, 6, to.A.data() + 6);
+    }
+    Vector up, down;  // what turns X and Y into c and b
+    for (int c = 0; c < 6; ++c) up[c] = 1.0, down[c] = -1.0, up[6 + c] = down[6 + c] = half;
+    Vector b[3], c[3], rows[3], columns[3];
+    for (int k = 0; k < 3; ++k) b[k] = c[k] = rows[k] = columns[k] = Vector::Zero();
+    for (int l = 0; l < 3; ++l) {
+        const Pairs& of = pairs[l];
+        const Vector AB = 2.0 * Eigen::Map<const Vector>(joints[l].AB), A = four * of.A, G = half * of.G;
         for (int k = 0; k < 3; ++k) {
             const double x_start = by.aa(l, k), n_start = by.ba(l, k), x_end = by.ab(l, k), n_end = by.bb(l, k);
-            at[k].c += x_start * c_x + n_start * c_n;
-            at[k].b += x_end * b_x + n_end * b_n;
-            u[k] += x_start * u_x + n_start * a_n;
-            w[k] += x_end * w_x + n_end * a_n;
+            c[k] += up * (n_start * of.SS - x_start * of.WW) - x_start * G;
+            b[k] += down * (n_end * of.SS - x_end * of.WW) - x_end * G;
+            rows[k] += x_start * (AB + A) + (2.0 * n_start) * of.A;
+            columns[k] += x_end * (AB - A) + (2.0 * n_end) * of.A;
         }
     }
+    for (int k = 0; k < 3; ++k) at[k].b = b[k], at[k].c = c[k], u[k] = rows[k], w[k] = columns[k];
     // Rows of the second derivatives by joints (i, j), of which those with j <= i hold.
     Matrix3 qq{}, vv{}, q_v{}, v_q{};
     for (int c = 0; c < 6; ++c) {
