@@ -36,6 +36,8 @@ void turn_by(const double* quaternion, const double* rotation_vector, double par
 void rotation_between(const double* from, const double* to, double* out);                         // log(from^-1 to)
 Vec3<double> turned(const double* quaternion, const Vec3<double>& a, double sense = 1.0);         // -1: backwards
 
+SmallMatrix<3> crossing(const Vec3<double>& a);  // a x
+
 class Turning {
 public:
     using Vector = Vec3<double>;

@@ -65,8 +65,11 @@ def places_of(m: Mechanism) -> tuple[Indices, Flags]:
 
 def inputs_along(m: Mechanism, places: Array) -> Array:
     """Return the inputs (N, nrho) of steps between instants with these places (N+1, nq - first_rho)."""
+    rotations = prescribed_rotations(m)
+    if not rotations:
+        return places[1:]
     u = held(m, places[1:])
-    for _, place, turn in prescribed_rotations(m):
+    for _, place, turn in rotations:
         q = places[:, place : place + 4]
         u[:, turn : turn + 3] = logarithm(product(inverse(q[:-1]), q[1:]))
     return u
@@ -79,9 +82,12 @@ def held(m: Mechanism, places: Array) -> Array:
 
 def reached(m: Mechanism, places: Array, u: Array, share: float = 1.0) -> Array:
     """Return the places (nq - first_rho,) after a share of a step from places under inputs (nrho,)."""
+    rotations = prescribed_rotations(m)
+    if not rotations:
+        return np.asarray(places + share * (u - places))
     out = np.empty_like(places)
     plain = np.ones(len(places), dtype=bool), np.ones(m.nrho, dtype=bool)
-    for _, place, turn in prescribed_rotations(m):
+    for _, place, turn in rotations:
         out[place : place + 4] = product(places[place : place + 4], exponential(share * u[turn : turn + 3]))
         plain[0][place : place + 4] = plain[1][turn : turn + 3] = False
     out[plain[0]] = places[plain[0]] + share * (u[plain[1]] - places[plain[0]])
