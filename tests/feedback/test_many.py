@@ -296,6 +296,8 @@ def test_many_motions_are_bands_of_what_chance_may_do():
     vi = MidpointVI(cart_pendulum(), threads=1)
     runs = simulate_many(vi, starts, t)
     bands = runs.bands()
+    assert str(runs) == str(bands)
+    assert str(bands).startswith("64 runs to t = 0.5 s, 0 of them ended early")
     np.testing.assert_array_equal(bands["theta"], runs.x[:, :, 1])
     low, middle, high = bands.quantiles("theta", (0.0, 0.5, 1.0))
     np.testing.assert_array_equal(high, runs.x[:, :, 1].max(axis=0))
