@@ -12,14 +12,19 @@ import argparse
 import tempfile
 from pathlib import Path
 
-import joblib
 import numpy as np
-from dask.distributed import Client, LocalCluster
 
 import leastaction as la
 from leastaction.control import sweep
+from leastaction.errors import MissingExtraError
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.viz import VERMILION, new_figure, save_png
+
+try:
+    import joblib
+    from dask.distributed import Client, LocalCluster
+except ImportError as error:
+    raise MissingExtraError("this example needs joblib and Dask: pip install 'leastaction[cluster]'") from error
 
 BOBS, PUSHES = np.linspace(0.5, 4.0, 8), np.linspace(30.0, 75.0, 10)  # kg, N
 T = 0.02 * np.arange(201)

@@ -43,17 +43,20 @@ void SecondOrder::hessian(double dt, const FirstOrder& first) {
     W_yy_.setZero(ny, ny);
     W_yth_.setZero(ny, n_theta_);
     W_thth_.setZero(padded(n_theta_), n_theta_);
-    std::copy(mu_.begin(), mu_.begin() + nd_, mu_z_.begin());
-    std::copy(w_p.begin(), w_p.end(), w_z_.begin());
-    begin_turned(dt);
+    if (turned_)
+        begin_turned(dt);
+    else
+        turned_middle_.set({}, dt);
     add_lagrangian(dt);
     add_potentials();
     if (!turned_) add_instant_forces();
     add_forces(dt);  // which leaves q_mid_ and all that by_time_step() needs
     if (turned_) add_bends(dt);
     if (turned_) add_instant_forces();  // whose turns are those of the start alone
+    const bool at_ends = turned_ && (nc_ > 0 || prescribed_turns_ || !mechanism_.instant_forces.empty());
+    if (at_ends) begin_turned_ends();
     add_constraints();
-    if (turned_) turn_constraints();
+    if (at_ends) turn_ends();
     add_products(first);
 }
 
@@ -73,8 +76,9 @@ void SecondOrder::set_multipliers(const FirstOrder& first) {
 }
 
 void SecondOrder::add_lagrangian(double dt) {
+    const auto [mu_z, w_z, n_z] = directions();
     for (int i = 0; i < nq_; ++i) {
-        const double mu = mu_z_[i], w = w_z_[i];
+        const double mu = i < n_z ? mu_z[i] : 0.0, w = i < n_z ? w_z[i] : 0.0;
         dual_q_[i] = {0.5 * (q1[i] + q2[i]), 0.5 * dt * (mu + w)};
         dual_v_[i] = {(q2[i] - q1[i]) / dt, w - mu};
         dual_q1_[i] = {q1[i], i < nd_ ? mu_[i] : 0.0};
@@ -105,18 +109,21 @@ void SecondOrder::add_potentials() {
     const Mechanism& m = mechanism_;
     if (m.potentials.empty()) return;
     place(m.massless_joints_seen, dual_q_.data(), dual_.at);
-    for (const auto& potential : m.potentials) {
-        for_each_entry(*potential, dual_.at, dual_q_.data(), dual_local_, [&](int i, int j, const Dual<double>& bend) {
-            turned_middle_.each_end(i, [&](int k, const ByEnds& of_i) {
-                turned_middle_.each_end(j, [&](int l, const ByEnds& of_j) {
+    turned_middle_.visit([&](const auto& turned) {
+        const auto add = [&](int i, int j, const Dual<double>& bend) {
+            turned.each_end(i, [&](int k, const ByEnds& of_i) {
+                turned.each_end(j, [&](int l, const ByEnds& of_j) {
                     add_11(k, l, -bend.d * of_i.q_start * of_j.q_start);
                     add_12(k, l, -bend.d * of_i.q_start * of_j.q_end);
                     add_22(k, l, -bend.d * of_i.q_end * of_j.q_end);
                 });
             });
-        });
-        if (turned_) add_turned_potential(*potential);
-    }
+        };
+        for (const auto& potential : m.potentials) {
+            for_each_entry(*potential, dual_.at, dual_q_.data(), dual_local_, add);
+            if (turned_) add_turned_potential(*potential);
+        }
+    });
 }
 
 // Of the forces: mu.fd- + w_p.fd+ = (kappa- mu + kappa+ w_p).f at the midpoint, with q = (q1 + q2)/2, v = (q2 - q1)/dt.
@@ -125,39 +132,45 @@ void SecondOrder::add_forces(double dt) {
     if (m.forces.empty() && !turned_) return;
     const double km = kappa_minus(split_, dt), kp = kappa_plus(split_, dt);
     const int at_u = nq_ + nd_;
-    for (int i = 0; i < nd_; ++i) mu_force_[i] = km * mu_z_[i] + kp * w_z_[i];
+    const auto [mu_z, w_z, n_z] = directions();
+    for (int i = 0; i < nd_; ++i) mu_force_[i] = km * mu_z[i] + kp * w_z[i];
     for (int i = 0; i < nq_; ++i) {
         q_mid_[i] = 0.5 * (q1[i] + q2[i]);
         v_[i] = (q2[i] - q1[i]) / dt;
     }
     if (turned_) place_balls();
     const double time = t + 0.5 * dt;
-    each_force_curvature(m.forces, m.force_joints, time, [&](const auto& force, std::size_t size, const auto& P) {
-        const auto &support = force.support(), &inputs = force.inputs();
-        const std::size_t n = support.size(), r = inputs.size();
-        const auto second = [&](std::size_t a, std::size_t b) { return P[a * size + b]; };
-        for (std::size_t a = 0; a < n; ++a)
-            turned_middle_.each_end(support[a], [&](int k, const ByEnds& of_a) {
-                for (std::size_t b = 0; b < n; ++b) {
-                    const double qq = second(a, b), qv = second(a, n + b), vq = second(n + a, b),
-                                 vv = second(n + a, n + b);
-                    const double start_q = of_a.q_start * qq + of_a.v_start * vq,
-                                 start_v = of_a.q_start * qv + of_a.v_start * vv;
-                    const double end_q = of_a.q_end * qq + of_a.v_end * vq, end_v = of_a.q_end * qv + of_a.v_end * vv;
-                    turned_middle_.each_end(support[b], [&](int l, const ByEnds& of_b) {
-                        add_11(k, l, start_q * of_b.q_start + start_v * of_b.v_start);
-                        add_12(k, l, start_q * of_b.q_end + start_v * of_b.v_end);
-                        add_22(k, l, end_q * of_b.q_end + end_v * of_b.v_end);
-                    });
-                }
-                for (std::size_t b = 0; b < r; ++b) {
-                    const double qu = second(a, 2 * n + b), vu = second(n + a, 2 * n + b);
-                    add_input(k, inputs[b], of_a.q_start * qu + of_a.v_start * vu, of_a.q_end * qu + of_a.v_end * vu);
-                }
-            });
-        for (std::size_t a = 0; a < r; ++a)
-            for (std::size_t b = 0; b < r; ++b)
-                if (inputs[a] <= inputs[b]) W_thth_(at_u + inputs[a], at_u + inputs[b]) += second(2 * n + a, 2 * n + b);
+    turned_middle_.visit([&](const auto& turned) {
+        each_force_curvature(m.forces, m.force_joints, time, [&](const auto& force, std::size_t size, const auto& P) {
+            const auto &support = force.support(), &inputs = force.inputs();
+            const std::size_t n = support.size(), r = inputs.size();
+            const auto second = [&](std::size_t a, std::size_t b) { return P[a * size + b]; };
+            for (std::size_t a = 0; a < n; ++a)
+                turned.each_end(support[a], [&](int k, const ByEnds& of_a) {
+                    for (std::size_t b = 0; b < n; ++b) {
+                        const double qq = second(a, b), qv = second(a, n + b), vq = second(n + a, b),
+                                     vv = second(n + a, n + b);
+                        const double start_q = of_a.q_start * qq + of_a.v_start * vq,
+                                     start_v = of_a.q_start * qv + of_a.v_start * vv;
+                        const double end_q = of_a.q_end * qq + of_a.v_end * vq,
+                                     end_v = of_a.q_end * qv + of_a.v_end * vv;
+                        turned.each_end(support[b], [&](int l, const ByEnds& of_b) {
+                            add_11(k, l, start_q * of_b.q_start + start_v * of_b.v_start);
+                            add_12(k, l, start_q * of_b.q_end + start_v * of_b.v_end);
+                            add_22(k, l, end_q * of_b.q_end + end_v * of_b.v_end);
+                        });
+                    }
+                    for (std::size_t b = 0; b < r; ++b) {
+                        const double qu = second(a, 2 * n + b), vu = second(n + a, 2 * n + b);
+                        add_input(k, inputs[b], of_a.q_start * qu + of_a.v_start * vu,
+                                  of_a.q_end * qu + of_a.v_end * vu);
+                    }
+                });
+            for (std::size_t a = 0; a < r; ++a)
+                for (std::size_t b = 0; b < r; ++b)
+                    if (inputs[a] <= inputs[b])
+                        W_thth_(at_u + inputs[a], at_u + inputs[b]) += second(2 * n + a, 2 * n + b);
+        });
     });
     if (turned_) add_turned_forces(dt);
 }
@@ -223,12 +236,15 @@ void SecondOrder::add_constraints() {
         for_each_entry(constraint, dual_at1_, dual_q1_.data(), dual_local_,
                        [&](int i, int j, const Dual<double>& bend) {
                            if (i <= j) W_thth_(i, j) -= lam[c] * bend.d;
+                           if (turned_) note_bend_at_start(i, j, -lam[c] * bend.v);
                        });
+        if (turned_) note_constraint_at_start(c);
         for (std::size_t i = 0; i < constraint.support().size(); ++i)
             W_yth_(nd_ + c, constraint.support()[i]) -= dual_local_.gradient[i].d;  // d(Dh mu)/dq1
         if (prescribed_turns_) continue;
         for_each_entry(constraint, at2_, end(), local_,
                        [&](int i, int j, double bend) { add_22(i, j, mu_[nd_ + c] * bend); });
+        if (turned_) note_constraint_at_end(c);
     }
 }
 

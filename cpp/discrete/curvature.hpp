@@ -61,19 +61,34 @@ public:
 private:
     void set_multipliers(const FirstOrder& first);
     // Where rotations are quaternions (turned_curvature.cpp): what comes before all else, after each kind of element, after
-    // add_forces(), and after add_constraints().
+    // add_forces(), and around add_constraints().
     void begin_balls();
     void place_balls();       // in q_mid_
     void place_dual_balls();  // in dual_q_ and dual_q1_
-    const double* end() const;
+    const double* end() const { return turned_ ? turned_end() : q2.data(); }
+    const double* turned_end() const;
+    // mu and w_p as directions in the kernel's coordinates, of the first n variables; of others they are zero.
+    struct Directions {
+        const double *mu, *w;
+        int n;
+    };
+    Directions directions() const {
+        return turned_ ? Directions{mu_z_.data(), w_z_.data(), nq_} : Directions{mu_.data(), w_p.data(), nd_};
+    }
     void begin_turned(double dt);
     void turn_pairs();
     void add_turned_potential(const ConfigurationFunction& potential);
     void add_turned_forces(double dt);
     void add_bends(double dt);
-    void turn_constraints();
-    double& entry(int a, int b);                // of (q1, q2) by (q1, q2), a kept triangle of it
-    void add_ends(int a, int b, double value);  // of what is symmetric there, called for (a, b) and (b, a)
+    // Around add_constraints(): what it tells of both ends, and what becomes of it.
+    void begin_turned_ends();
+    void note_bend_at_start(int i, int j, double bend);
+    void note_constraint_at_start(int c);
+    void note_constraint_at_end(int c);
+    void turn_ends();
+    TurnedAxis axis_at_start(const Ball& ball) const;  // of mu
+    double& entry(int a, int b);                       // of (q1, q2) by (q1, q2), a kept triangle of it
+    void add_ends(int a, int b, double value);         // of what is symmetric there, called for (a, b) and (b, a)
     void add_input(int i, int input, double start, double end);
     // Of i and j, both ways, by the start and the end of either.
     void add_both(int i, int j, double ss, double se, double es, double ee) {
@@ -96,16 +111,16 @@ private:
     void add_constraints();
     // Second derivatives by (q1, q2), each put where the variable lives: q2 is y (dynamic) or rho2 (kinematic). Of what is
     // symmetric add_11 and add_22 are called for both (i, j) and (j, i), and the upper triangle of W_thth is kept.
-    void add_11(int i, int j, double value) {
+    [[gnu::always_inline]] void add_11(int i, int j, double value) {
         if (i <= j) W_thth_(i, j) += value;
     }
-    void add_12(int i1, int j2, double value) {
+    [[gnu::always_inline]] void add_12(int i1, int j2, double value) {
         if (j2 < nd_)
             W_yth_(j2, i1) += value;
         else
             W_thth_(i1, at_rho2_ + j2 - nd_) += value;
     }
-    void add_22(int i, int j, double value) {
+    [[gnu::always_inline]] void add_22(int i, int j, double value) {
         if (i < nd_ && j < nd_)
             W_yy_(i, j) += value;
         else if (i < nd_)
@@ -128,7 +143,7 @@ private:
     NewtonMatrix::Matrix W_yy_, W_yth_, half_W_yy_, Z_;
     Eigen::MatrixXd W_thth_;
     std::vector<double> mu_, mu_force_, q_mid_, v_;
-    std::vector<double> mu_z_, w_z_;  // mu and w_p as directions in the kernel's coordinates
+    std::vector<double> mu_z_, w_z_;  // directions() of balls
     TurnedMiddle turned_middle_;
     struct Turned;  // null where no rotation is a quaternion
     std::shared_ptr<Turned> turned_;

@@ -15,8 +15,6 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
     const Mechanism& mechanism = step.mechanism();
     const int nd = mechanism.n_dynamic, nk = mechanism.n_kinematic, nq = nd + nk, nc = mechanism.n_constraints();
     const int at_p = nq, at_u = nq + nd, at_rho2 = at_u + mechanism.n_inputs, at_h = n_theta;
-    const double km = kappa_minus(step.split(), dt), kp = kappa_plus(step.split(), dt);
-    const ForcePoint<double> middle = step.middle();
 
     // The right-hand side -F_th, solved in place for Y, and the direct part of dp2/dth; G_y = dp2/dq2.
     std::fill(Y.begin(), Y.end(), 0.0);
@@ -42,29 +40,34 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
     });
     for (int i = 0; i < nd; ++i) Y[i * ld + at_p + i] = -1.0;
     // Rows of elements at the middle: weights by q_i and v_i, times derivatives by q_j and v_j.
-    const TurnedMiddle& turned = step.turned_middle();
-    const auto add_row = [&](int i, int j, double at_q, double at_v, double by_q, double by_v) {
-        if (i >= nd) return;
-        turned.spread(i, at_q, at_v, [&](int k, double start, double end) {
-            turned.spread(j, by_q, by_v, [&](int l, double by_start, double by_end) {
-                add(k, l, start * by_start, start * by_end, end * by_start, end * by_end);
+    step.turned_middle().visit([&](const auto& turned) {
+        const ForcePoint<double> middle = step.middle();
+        const double km = kappa_minus(step.split(), dt), kp = kappa_plus(step.split(), dt);
+        const double force_at_v = 0.5 * dt * (kp - km);  // of fd- and fd+ as one row at the middle
+        const auto add_row = [&](int i, int j, double at_q, double at_v, double by_q, double by_v) {
+            if (i >= nd) return;
+            spread(turned, i, at_q, at_v, [&](int k, double start, double end) {
+                spread(turned, j, by_q, by_v, [&](int l, double by_start, double by_end) {
+                    add(k, l, start * by_start, start * by_end, end * by_start, end * by_end);
+                });
             });
-        });
-    };
-    const double force_at_v = 0.5 * dt * (kp - km);  // of fd- and fd+ as one row at the middle
-    const auto add_force = [&](int i, int j, double f_q, double f_v) { add_row(i, j, km + kp, force_at_v, f_q, f_v); };
-    const auto add_input = [&](int i, int input, double f_u) {
-        if (i >= nd) return;
-        turned.spread(i, km + kp, force_at_v, [&](int k, double start, double end) {
-            Y[k * ld + at_u + input] -= start * f_u;
-            P2[k * ld + at_u + input] += end * f_u;
-        });
-    };
-    for (const auto& [i, slot] : mechanism.damping) add_force(i, i, 0.0, -mechanism.numbers[slot]);
-    for (const auto& [i, input] : mechanism.joint_forces) add_input(i, input, 1.0);
-    for_each_entry(mechanism.potentials, middle.at, middle.q, local_,
-                   [&](int i, int j, double bend) { add_row(i, j, dt, 0.0, -bend, 0.0); });
-    for_each_entry(mechanism.forces, middle, force_, add_force, add_input);
+        };
+        const auto add_force = [&](int i, int j, double f_q, double f_v) {
+            add_row(i, j, km + kp, force_at_v, f_q, f_v);
+        };
+        const auto add_input = [&](int i, int input, double f_u) {
+            if (i >= nd) return;
+            spread(turned, i, km + kp, force_at_v, [&](int k, double start, double end) {
+                Y[k * ld + at_u + input] -= start * f_u;
+                P2[k * ld + at_u + input] += end * f_u;
+            });
+        };
+        for (const auto& [i, slot] : mechanism.damping) add_force(i, i, 0.0, -mechanism.numbers[slot]);
+        for (const auto& [i, input] : mechanism.joint_forces) add_input(i, input, 1.0);
+        for_each_entry(mechanism.potentials, middle.at, middle.q, local_,
+                       [&](int i, int j, double bend) { add_row(i, j, dt, 0.0, -bend, 0.0); });
+        for_each_entry(mechanism.forces, middle, force_, add_force, add_input);
+    });
     const auto add_instant_input = [&](int i, int input, double f_u) {
         if (i < nd) Y[i * ld + at_u + input] -= step.share * f_u;
     };
@@ -81,6 +84,20 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
         for (int k = 0; k < nk; ++k) y[at_rho2 + k] = -step.end_gradients()[c * nq + nd + k];
         y[at_h + c] = -1.0;  // a shift of h: F2 = h + s
     }
+    if (!mechanism.balls.empty()) add_balls(step);
+    step.newton().solve(Y.data(), Y.data() + nd * ld, n_theta + nc, ld);
+
+    // p2 depends on th through q2 as well.
+    using Rows = Eigen::Map<NewtonMatrix::Matrix>;
+    Rows p2_rows(P2.data(), nd, ld), q2_rows(Y.data(), nd, ld);
+    p2_rows.noalias() += G_y * q2_rows;
+    return true;
+}
+
+void FirstOrder::add_balls(const MidpointStep& step) {
+    const Mechanism& mechanism = step.mechanism();
+    const int nd = mechanism.n_dynamic, nq = mechanism.n_variables(), nc = mechanism.n_constraints();
+    const int at_rho2 = nq + nd + mechanism.n_inputs;
     for (std::size_t b = 0; b < mechanism.balls.size(); ++b) {
         const Ball& ball = mechanism.balls[b];
         const int at = ball.variable;
@@ -101,9 +118,9 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
         const Turning::Matrix6 bend = step.own_bend(b);
         for (int i = 0; i < 3; ++i)
             for (int j = 0; j < 3; ++j) {
-                Y[(at + i) * ld + at + j] -= bend(i, j);
-                P2[(at + i) * ld + at + j] += bend(3 + i, j);
-                G_y(at + i, at + j) += bend(3 + i, 3 + j);
+                Y[(at + i) * ld + at + j] -= bend.aa(i, j);
+                P2[(at + i) * ld + at + j] += bend.ba(i, j);
+                G_y(at + i, at + j) += bend.bb(i, j);
             }
         if (nc == 0 && mechanism.instant_forces.empty()) continue;
         Eigen::Vector3d slope = Eigen::Vector3d::Zero();
@@ -116,13 +133,6 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
         for (int i = 0; i < 3; ++i)
             for (int j = 0; j < 3; ++j) Y[(at + i) * ld + at + j] += by_constraints(j, i);
     }
-    step.newton().solve(Y.data(), Y.data() + nd * ld, n_theta + nc, ld);
-
-    // p2 depends on th through q2 as well.
-    using Rows = Eigen::Map<NewtonMatrix::Matrix>;
-    Rows p2_rows(P2.data(), nd, ld), q2_rows(Y.data(), nd, ld);
-    p2_rows.noalias() += G_y * q2_rows;
-    return true;
 }
 
 }  // namespace leastaction

@@ -28,6 +28,8 @@ public:
     NewtonMatrix::Matrix G_y;  // dp2/dq2, dynamic
 
 private:
+    void add_balls(const MidpointStep& step);  // what their ends add, and what constraints see of prescribed ones
+
     LocalTaylor<double> local_;
     LocalForce<double> force_;
 };

@@ -141,10 +141,14 @@ Matrix6 from_given() {
 }
 
 Turning::Matrix6 small(const Matrix6& m) {
-    Turning::Matrix6 out{};
-    for (int i = 0; i < 6; ++i)
-        for (int j = 0; j < 6; ++j) out(i, j) = m(i, j);
-    return out;
+    const auto block = [&](int row, int column) {
+        Turning::Matrix3 out;
+        for (int i = 0; i < 3; ++i)
+            out.rows[i] =
+                Turning::Matrix3::Row{m(row + i, column), m(row + i, column + 1), m(row + i, column + 2), 0.0};
+        return out;
+    };
+    return {block(0, 0), block(0, 3), block(3, 0), block(3, 3)};
 }
 
 }  // namespace

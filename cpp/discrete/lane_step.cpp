@@ -199,7 +199,7 @@ Lanes::Mask LaneStep::find(double dt, const Lanes::Mask& running) {
         left &= ~found & (~slow | (near_rounding & falls));
         contracts = corrections == 0 ? ~slow : contracts | ~slow;
     }
-    for (int i = 0; i < nd_; ++i) p2[i] += residual_[i];  // as MidpointStep::hand_on_momentum()
+    for (int i = 0; i < nd_; ++i) p2[i] += residual_[i];  // as MidpointStep::solve()
     return found & trusted(dt, factored);
 }
 

@@ -2,6 +2,9 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
 #include <vector>
 
 #include "discrete/curvature.hpp"
@@ -59,18 +62,30 @@ struct Layout {
         }
         for (const Ball& ball : m.balls) std::copy_n(&step.q2[ball.quaternion], 4, x + ball.place);
     }
-    // Sets the dynamic part of where a step leads to, from the next state.
-    void finish(MidpointStep& step, const double* next) const {
+    // Sets the dynamic part of where a step leads to, from the next state; rotations turn the shorter way, or as their
+    // numbers went, past half a turn where these have changed their sign.
+    void finish(MidpointStep& step, const double* next, bool by_sign = false) const {
         for (int i = 0; i < nd; ++i) step.q2[i] = next[m.places[i]];
-        for (const Ball& ball : m.balls)
-            if (!ball.prescribed)
-                rotation_between(&step.q1[ball.quaternion], next + ball.place, &step.q2[ball.variable]);
+        for (const Ball& ball : m.balls) {
+            if (ball.prescribed) continue;
+            double* phi = &step.q2[ball.variable];
+            rotation_between(&step.q1[ball.quaternion], next + ball.place, phi);
+            if (!by_sign || !changes_sign(step, ball, next)) continue;
+            const double angle = std::hypot(phi[0], phi[1], phi[2]), other = 1.0 - 2.0 * std::numbers::pi / angle;
+            for (int i = 0; i < 3; ++i) phi[i] *= angle > 0 ? other : 1.0;
+        }
+    }
+    static bool changes_sign(const MidpointStep& step, const Ball& ball, const double* next) {
+        const double *a = &step.q1[ball.quaternion], *b = next + ball.place;
+        return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] < 0;
     }
     // The largest difference between where a step leads to and the next state, of dynamic variables.
     double distance(const MidpointStep& step, const double* next) const {
+        const TurnedMiddle& turned = step.turned_middle();
+        const bool turns = turned.turns();
         double most = 0;
         for (int i = 0; i < nd; ++i)
-            if (step.turned_middle().ball_of(i) < 0) most = std::max(most, std::abs(step.q2[i] - next[m.places[i]]));
+            if (!turns || turned.ball_of(i) < 0) most = std::max(most, std::abs(step.q2[i] - next[m.places[i]]));
         for (const Ball& ball : m.balls) {
             if (ball.prescribed) continue;
             double turn[3];
@@ -105,14 +120,27 @@ struct Layout {
         }
         for (const Ball& ball : m.balls) turn_by(x + ball.place, dx + m.external[ball.variable], 1.0, out + ball.place);
     }
-    // The derivatives of a step whose end is known; false where it is no step of the mechanism.
+    // The derivatives of a step whose end is known; false where it is no step of the mechanism. A step that does not end
+    // there by the shorter way may have gone past half a turn.
     bool differentiate(MidpointStep& step, FirstOrder& first, const double* x, const double* u, const double* next,
                        double t, double dt, double share) const {
-        start(x, u, t, share, step);
-        finish(step, next);
-        std::fill(step.lam.begin(), step.lam.end(), 0.0);  // so that no result depends on the range it is in
-        step.place_start();
-        return step.solve(dt, true).status == StepStatus::converged && first.differentiate(step, dt);
+        const auto solved = [&](bool by_sign) {
+            start(x, u, t, share, step);
+            finish(step, next, by_sign);
+            std::fill(step.lam.begin(), step.lam.end(), 0.0);  // so that no result depends on the range it is in
+            step.place_start();
+            return step.solve(dt, true).status == StepStatus::converged;
+        };
+        bool done = solved(false);
+        if (std::ranges::any_of(m.balls, [&](const Ball& b) { return !b.prescribed && changes_sign(step, b, next); })) {
+            const double none = std::numeric_limits<double>::infinity(), missed = done ? distance(step, next) : none;
+            constexpr double same = 1e-6;  // rad
+            if (missed > same) {
+                done = solved(true);
+                if (!done || distance(step, next) >= missed) done = missed < none && solved(false);
+            }
+        }
+        return done && first.differentiate(step, dt);
     }
     // One row over th, internal order, into rows over the states and u, user's order. Nothing depends on the velocities of
     // the prescribed variables and the multipliers: their columns are left alone.
@@ -123,7 +151,7 @@ struct Layout {
             for (int i = 0; i < nq; ++i) by_x[m.external[i]] = row[i];
             for (int i = 0; i < nd; ++i) by_x[nq + m.external[i]] = row[nq + i];
         }
-        std::copy(row + nq + nd, row + theta, by_u);
+        if (nu > 0) std::copy(row + nq + nd, row + theta, by_u);
     }
     // The same for all of th: which entries stand where among the states and inputs.
     std::vector<SecondOrder::Run> runs() const {

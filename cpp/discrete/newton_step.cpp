@@ -18,10 +18,6 @@ constexpr int max_halvings = 8;
 constexpr double fresh_price = 0.5;   // of a new Newton matrix, in iterations
 constexpr double same_point = 1e-14;  // relative moves below this leave the Newton matrix exact
 
-bool is_free_slide(const Joint& joint, int n_dynamic) {
-    return joint.axis >= Axis::tx && joint.axis <= Axis::tz && joint.simple && joint.variable < n_dynamic;
-}
-
 }  // namespace
 
 MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const MidpointSettings& settings)
@@ -100,12 +96,14 @@ void MidpointStep::make_gradients() {
 
 void MidpointStep::place_start() {
     at1_.time = t;
-    place(mechanism_->constraint_joints, q1.data(), at1_);
-    if (loops_) {
-        loops_->evaluate(at1_, start_);
-        have_C1_ = have_C2_ = false;
-    } else {
-        constraint_gradients(at1_, q1.data(), C1_.data());
+    if (nc_ > 0) {
+        place(mechanism_->constraint_joints, q1.data(), at1_);
+        if (loops_) {
+            loops_->evaluate(at1_, start_);
+            have_C1_ = have_C2_ = false;
+        } else {
+            constraint_gradients(at1_, q1.data(), C1_.data());
+        }
     }
     have_factors_ = have_pivots_ = have_limit_ = false;
     old_rate_ = no_contraction;
@@ -165,7 +163,9 @@ void MidpointStep::advance() {
     have_limit_ = false;
 }
 
-void MidpointStep::evaluate_middle(double dt) {
+void MidpointStep::evaluate_middle(double dt) { middle_of(dt); }
+
+inline void MidpointStep::middle_of(double dt) {
     for (int i = 0; i < nq_; ++i) {
         q_mid_[i] = 0.5 * (q1[i] + q2[i]);
         v_[i] = (q2[i] - q1[i]) / dt;
@@ -177,14 +177,16 @@ void MidpointStep::evaluate_middle(double dt) {
 }
 
 void MidpointStep::evaluate(double dt) {
-    evaluate_middle(dt);
-    at2_.time = t + dt;
-    place(mechanism_->free_constraint_joints, end(), at2_);
-    if (loops_) {
-        loops_->evaluate(at2_, end_);
-        have_C2_ = false;
-    } else {
-        constraint_gradients(at2_, end(), C2_.data());
+    middle_of(dt);
+    if (nc_ > 0) {
+        at2_.time = t + dt;
+        place(mechanism_->free_constraint_joints, end(), at2_);
+        if (loops_) {
+            loops_->evaluate(at2_, end_);
+            have_C2_ = false;
+        } else {
+            constraint_gradients(at2_, end(), C2_.data());
+        }
     }
 
     const double km = kappa_minus(settings_.split, dt), kp = kappa_plus(settings_.split, dt);
@@ -195,15 +197,7 @@ void MidpointStep::evaluate(double dt) {
         p2[i] = half_slope + momentum + kp * f_[i];
         size = std::max({size, std::abs(p1[i]), std::abs(half_slope), std::abs(momentum), std::abs(km * f_[i])});
     }
-    if (!turnings_.empty()) {
-        for (int i = 0; i < nd_; ++i) {
-            residual[i] -= p1[i];
-            raw_start_[i] = residual[i];
-            raw_end_[i] = p2[i];
-        }
-        turn_rows(residual.data(), p2.data(), nd_);
-        for (int i = 0; i < nd_; ++i) residual[i] += p1[i];
-    }
+    if (!turnings_.empty()) turn_residual();
     if (loops_) {
         size = std::max(size, loops_->subtract_forces(start_, lam.data(), residual.data()));
         std::copy(end_.value.begin(), end_.value.end(), residual.begin() + nd_);
@@ -264,22 +258,22 @@ void MidpointStep::add_elements() {
 template <class Add>
 void MidpointStep::element_matrix(double dt, const Add& add) {
     const Mechanism& m = *mechanism_;
-    const double km = kappa_minus(settings_.split, dt), kp = kappa_plus(settings_.split, dt);
-    const auto add_row = [&](int i, int j, double at_q, double at_v, double by_q, double by_v) {
-        turned_middle_.spread(i, at_q, at_v, [&](int k, double start, double) {
-            turned_middle_.spread(j, by_q, by_v, [&](int l, double, double end) { add(k, l, start * end); });
-        });
-    };
-    const double at_v = 0.5 * dt * (kp - km);  // of fd- and fd+ as one row at the middle
-    for (const auto& [i, slot] : m.damping) add_row(i, i, km + kp, at_v, 0.0, -m.numbers[slot]);
-    for_each_entry(m.potentials, lagrangian_.at, q_mid_.data(), local_, [&](int i, int j, double bend) {
-        if (i < nd_ && j < nd_) add_row(i, j, dt, 0.0, -bend, 0.0);
+    turned_middle_.visit([&](const auto& turned) {
+        const double km = kappa_minus(settings_.split, dt), kp = kappa_plus(settings_.split, dt);
+        const double at_v = 0.5 * dt * (kp - km);  // of fd- and fd+ as one row at the middle
+        const auto add_row = [&](int i, int j, double at_q, double at_v, double by_q, double by_v) {
+            if (i >= nd_ || j >= nd_) return;
+            spread(turned, i, at_q, at_v, [&](int k, double start, double) {
+                spread(turned, j, by_q, by_v, [&](int l, double, double end) { add(k, l, start * end); });
+            });
+        };
+        for (const auto& [i, slot] : m.damping) add_row(i, i, km + kp, at_v, 0.0, -m.numbers[slot]);
+        for_each_entry(m.potentials, lagrangian_.at, q_mid_.data(), local_,
+                       [&](int i, int j, double bend) { add_row(i, j, dt, 0.0, -bend, 0.0); });
+        if (!with_forces_) return;
+        const auto by_variable = [&](int i, int j, double f_q, double f_v) { add_row(i, j, km + kp, at_v, f_q, f_v); };
+        for_each_entry(m.forces, middle(), force_, by_variable, [](int, int, double) {});
     });
-    if (!with_forces_) return;
-    const auto by_variable = [&](int i, int j, double f_q, double f_v) {
-        if (i < nd_ && j < nd_) add_row(i, j, km + kp, at_v, f_q, f_v);
-    };
-    for_each_entry(m.forces, middle(), force_, by_variable, [](int, int, double) {});
 }
 
 bool MidpointStep::refresh(double dt, bool in_tree) {
@@ -309,12 +303,7 @@ bool MidpointStep::factor_tree(double dt) {
         const JointVectors at = lagrangian_.vectors(joint);
         note_inertia(i, std::inner_product(at.S, at.S + 6, at.AB, inertia_[i]));
     }
-    make_bends();
-    for (std::size_t b = 0; b < ball_turns_.size(); ++b) {
-        ball_turns_[b].by_ends = turned_middle_.by_ends(b);
-        for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j) ball_turns_[b].more[i][j] = bends_[b](i, 3 + j);
-    }
+    if (turned_middle_.turns()) make_ball_turns();
     element_matrix(dt, [&](int i, int j, double value) {
         const int ball = turned_middle_.ball_of(i);
         if (ball < 0) {
@@ -347,7 +336,7 @@ void MidpointStep::list_entries() {
 bool MidpointStep::factor_dense(double dt) {
     if (own_entries_.empty()) list_entries();
     lagrangian_.hessian();
-    turned_middle_.turn(lagrangian_.pairs);
+    if (turned_middle_.turns()) turned_middle_.turn(lagrangian_.pairs);
     newton_.clear();
     double* M = newton_.M.data();
     const PairDerivatives& d = lagrangian_.pairs;
@@ -365,71 +354,9 @@ bool MidpointStep::factor_dense(double dt) {
     }
     for (int i = 0; i < nd_; ++i) note_inertia(i, diagonal_[i]);
     element_matrix(dt, [&](int i, int j, double value) { M[i * newton_.stride + j] += value; });
-    make_bends();
-    for (std::size_t b = 0; b < turnings_.size(); ++b) {
-        const int at = mechanism_->balls[b].variable;
-        if (at >= nd_) continue;
-        for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j) M[(at + i) * newton_.stride + at + j] += bends_[b](i, 3 + j);
-    }
+    if (turned_middle_.turns()) add_bends();
     make_gradients();
     return newton_.factor(C1_.data(), C2_.data(), nq_);
-}
-
-void MidpointStep::make_bends() {
-    for (std::size_t b = 0; b < turnings_.size(); ++b) {
-        const Ball& ball = mechanism_->balls[b];
-        if (ball.prescribed) continue;
-        const double *start = &raw_start_[ball.variable], *end = &raw_end_[ball.variable];
-        const Vec3<double> from{start[0], start[1], start[2]}, to{end[0], end[1], end[2]};
-        bends_[b] = by_ends(turnings_[b].bend(from + to, 0.5 * (to - from)));
-    }
-}
-
-// And half the commutator, u x v of each end.
-Turning::Matrix6 MidpointStep::own_bend(std::size_t b) const {
-    const int at = mechanism_->balls[b].variable;
-    double rows[6];
-    std::copy_n(&raw_start_[at], 3, rows);
-    std::copy_n(&raw_end_[at], 3, rows + 3);
-    turnings_[b].turn_rows(rows, rows + 3);
-    Turning::Matrix6 out = bends_[b];
-    for (int i = 0; i < 6; ++i) {
-        const int first = i < 3 ? 0 : 3, u = first + (i + 1) % 3, v = first + (i + 2) % 3;  // e_u x e_v = e_i
-        out(v, u) += 0.5 * rows[i];
-        out(u, v) -= 0.5 * rows[i];
-    }
-    return out;
-}
-
-const PairDerivatives& MidpointStep::kernel_pairs() {
-    if (!turnings_.empty()) {
-        lagrangian_.hessian();
-        factored_at_solution_ = false;
-    }
-    return lagrangian_.pairs;
-}
-
-void MidpointStep::turn_rows(double* start, double* end, int n) const {
-    for (std::size_t b = 0; b < turnings_.size(); ++b) {
-        const int at = mechanism_->balls[b].variable;
-        if (at < n) turnings_[b].turn_rows(start + at, end + at);
-    }
-}
-
-void MidpointStep::turn_ends() {
-    const Mechanism& m = *mechanism_;
-    turnings_.clear();
-    std::copy(q2.begin(), q2.begin() + nq_, placed_.begin());
-    for (const Ball& ball : m.balls) {
-        const double *phi = &q2[ball.variable], *start = &q1[ball.quaternion];
-        turnings_.emplace_back(phi);
-        std::fill_n(&q_mid_[ball.variable], 3, 0.0);
-        std::fill_n(&placed_[ball.variable], 3, 0.0);
-        turnings_.back().turn_half(start, &q_mid_[ball.quaternion]);
-        turnings_.back().turn_whole(start, &placed_[ball.quaternion]);
-        std::copy_n(&placed_[ball.quaternion], 4, &q2[ball.quaternion]);
-    }
 }
 
 void MidpointStep::place_prescribed() {
@@ -437,45 +364,6 @@ void MidpointStep::place_prescribed() {
     if (joints.empty()) return;
     if (!mechanism_->balls.empty()) turn_ends();
     place(joints, end(), at2_);
-}
-
-// dphi = d + phi x s + c phi x (phi x d) with s = beta/2, d = beta.
-void MidpointStep::turn_correction() {
-    for (std::size_t b = 0; b < turnings_.size(); ++b) {
-        const Ball& ball = mechanism_->balls[b];
-        if (!ball.prescribed) turnings_[b].end_to_phi(&correction_[ball.variable]);
-    }
-}
-
-// What is left of F1, a covector at q1, goes on with the momentum: p2 = p1 + dt L_q + (fd- + fd+) - Dh(q1)' lam. Of balls the
-// same in the world, where a turn of everything moves both ends and the middle alike.
-void MidpointStep::hand_on_momentum() {
-    const Mechanism& m = *mechanism_;
-    for (int i = 0; i < nd_; ++i) p2[i] += residual[i];
-    for (std::size_t b = 0; b < turnings_.size(); ++b) {
-        const Ball& ball = m.balls[b];
-        const int at = ball.variable;
-        if (ball.prescribed) continue;
-        double carried[3];
-        for (int i = 0; i < 3; ++i) {
-            carried[i] = p1[at + i];
-            for (int c = 0; c < nc_; ++c) carried[i] -= C1_[c * nq_ + at + i] * lam[c];
-        }
-        const Vec3<double> torque = turnings_[b].torque(&raw_start_[at], &raw_end_[at]);
-        Vec3<double> in_world = turned(&q1[ball.quaternion], {carried[0], carried[1], carried[2]}) +
-                                turned(&q_mid_[ball.quaternion], torque);
-        // What is left to the slides of a free joint went on along them, which changes its moment.
-        Vec3<double> moved, left;
-        for (int j = m.joints[ball.joint].parent; j >= 0 && is_free_slide(m.joints[j], nd_); j = m.joints[j].parent) {
-            const int i = m.joints[j].variable;
-            const Vec3<double>& along = lagrangian_.at.twist[j].v;
-            moved += (q2[i] - q1[i]) * along;
-            left += residual[i] * along;
-        }
-        in_world = in_world - cross(moved, left);
-        const Vec3<double> in_body = turned(&placed_[ball.quaternion], in_world, -1.0);
-        p2[at] = in_body.x, p2[at + 1] = in_body.y, p2[at + 2] = in_body.z;
-    }
 }
 
 // Whether a new Newton matrix is cheaper than going on with the old one. Within a step the contraction decides. At its
@@ -547,7 +435,7 @@ StepReport MidpointStep::solve(double dt, bool known) {
         lam_kept_ = lam;
         for (int i = 0; i < nd_ + nc_; ++i) correction_[i] = -residual[i];
         newton_.solve(correction_.data(), correction_.data() + nd_);
-        turn_correction();
+        if (!turnings_.empty()) turn_correction();
         double moved = 0;
         for (int i = 0; i < nd_; ++i) {
             q2[i] += correction_[i];
@@ -557,7 +445,12 @@ StepReport MidpointStep::solve(double dt, bool known) {
         for (int c = 0; c < nc_; ++c) lam[c] += correction_[nd_ + c];
         if (known && factored_at_solution_) break;
     }
-    if (!known) hand_on_momentum();
+    if (!known) {
+        // What is left of F1, a covector at q1, goes on with the momentum, so that what symmetries keep is kept:
+        // p2 = p1 + dt L_q + (fd- + fd+) - Dh(q1)' lam.
+        for (int i = 0; i < nd_; ++i) p2[i] += residual[i];
+        if (!turnings_.empty()) hand_on_turns();
+    }
     report.rank_deficient = newton_.rank_deficient();
     if (report.rank_deficient) newton_.take_least_norm(C1_.data(), nq_, lam.data());
     return report;

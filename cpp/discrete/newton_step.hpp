@@ -145,18 +145,22 @@ public:
     const std::vector<double>& mobility() const { return mobility_; }
 
 private:
-    void turn_ends();          // of balls: turnings_, their quaternions in q2 and end_
-    void place_prescribed();   // what constraints see at the end that no dynamic variable moves
-    void turn_correction();    // of balls: from turns of the end to changes of phi
-    void hand_on_momentum();   // makes p2 such that what symmetries keep is kept, whatever is left of the residual
+    void turn_ends();         // of balls: turnings_, their quaternions in q2 and end_
+    void turn_residual();     // and their rows of residual and p2
+    void place_prescribed();  // what constraints see at the end that no dynamic variable moves
+    void turn_correction();   // of balls: from turns of the end to changes of phi
+    void hand_on_turns();     // of balls, what is left of the residual
+    inline void middle_of(double dt);
     void evaluate(double dt);  // residuals and p2 at (q2, lam)
     double largest_residual(const std::vector<double>& scale) const;
     // Newton matrix at the point of the last evaluate(), by the O(n) solver if `in_tree` and it can.
     bool refresh(double dt, bool in_tree);
     bool factor_tree(double dt);
     bool factor_dense(double dt);
-    void make_bends();
-    void make_gradients();  // C1_ and C2_, where loops_ made do without
+    void make_bends();       // of balls
+    void add_bends();        // to the dense Newton matrix
+    void make_ball_turns();  // for tree_, with them
+    void make_gradients();   // C1_ and C2_, where loops_ made do without
     void make_start_gradients();
     void list_entries();
     void add_elements();  // forces into f_, potentials into L_q

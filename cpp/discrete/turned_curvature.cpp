@@ -20,13 +20,17 @@ struct SecondOrder::Turned {
     explicit Turned(const Mechanism& m) : end(m.n_coordinates()) {
         turnings.reserve(m.balls.size());
         fields.reserve(m.balls.size());
-        for (auto* a : {&force, &by_q, &by_v}) a->resize(m.n_variables());
+        for (auto* a : {&force, &by_q, &by_v, &at_start, &at_end, &along_mu}) a->resize(m.n_variables());
+        bent.resize(static_cast<std::size_t>(m.n_variables()) * m.n_variables());
     }
     std::vector<double> end;  // q2 as a configuration
     std::vector<Turning> turnings;
     std::vector<TurnedField> fields;
     PairDerivatives values;
     std::vector<double> force, by_q, by_v;  // forces of balls, and the weighted sum's derivatives by what these see
+    // The slopes of constraints and instant forces at both ends, and their second derivatives at the start: along mu, and by
+    // variable in rows.
+    std::vector<double> at_start, at_end, along_mu, bent;
 };
 
 void SecondOrder::begin_balls() {
@@ -34,7 +38,7 @@ void SecondOrder::begin_balls() {
     turned_ = std::make_shared<Turned>(mechanism_);
     prescribed_turns_ = std::ranges::any_of(mechanism_.balls, &Ball::prescribed);
 }
-const double* SecondOrder::end() const { return turned_ ? turned_->end.data() : q2.data(); }
+const double* SecondOrder::turned_end() const { return turned_->end.data(); }
 
 void SecondOrder::place_balls() {
     for (std::size_t b = 0; b < mechanism_.balls.size(); ++b) {
@@ -55,8 +59,9 @@ void SecondOrder::place_dual_balls() {
 }
 
 void SecondOrder::begin_turned(double dt) {
-    if (!turned_) return turned_middle_.set({}, dt);
     Turned& t = *turned_;
+    std::copy(mu_.begin(), mu_.begin() + nd_, mu_z_.begin());
+    std::copy(w_p.begin(), w_p.end(), w_z_.begin());
     t.turnings.clear();
     t.fields.clear();
     std::copy(q2.begin(), q2.begin() + nq_, t.end.begin());
@@ -92,10 +97,11 @@ void SecondOrder::add_turned_potential(const ConfigurationFunction& potential) {
         dual_.L_q[support[a]] -= dual_local_.gradient[a];
         turned_middle_.each_field_end(support[a], [&](int k, const ByEnds& of_a) {
             for (std::size_t b = 0; b < n; ++b)
-                turned_middle_.spread(
-                    support[b], -dual_local_.hessian[a * n + b].v, 0.0, [&](int l, double start, double end) {
-                        add_both(k, l, of_a.q_start * start, of_a.q_start * end, of_a.q_end * start, of_a.q_end * end);
-                    });
+                spread(turned_middle_, support[b], -dual_local_.hessian[a * n + b].v, 0.0,
+                       [&](int l, double start, double end) {
+                           add_both(k, l, of_a.q_start * start, of_a.q_start * end, of_a.q_end * start,
+                                    of_a.q_end * end);
+                       });
         });
     }
 }
@@ -114,7 +120,7 @@ void SecondOrder::add_turned_forces(double dt) {
         turned_middle_.each_field_end(i, [&](int k, const ByEnds& of_i) {
             const double at_start = at_q * of_i.q_start + at_v * of_i.v_start,
                          at_end = at_q * of_i.q_end + at_v * of_i.v_end;
-            turned_middle_.spread(j, f_q, f_v, [&](int l, double start, double end) {
+            spread(turned_middle_, j, f_q, f_v, [&](int l, double start, double end) {
                 add_both(k, l, at_start * start, at_start * end, at_end * start, at_end * end);
             });
         });
@@ -159,9 +165,9 @@ void SecondOrder::add_bends(double dt) {
         own = by_ends(own);
         for (int k = 0; k < 3; ++k)
             for (int l = 0; l < 3; ++l) {
-                add_11(at + k, at + l, own(k, l));
-                add_12(at + k, at + l, own(k, 3 + l));
-                add_22(at + k, at + l, own(3 + k, 3 + l));
+                add_11(at + k, at + l, own.aa(k, l));
+                add_12(at + k, at + l, own.ab(k, l));
+                add_22(at + k, at + l, own.bb(k, l));
             }
     }
 }
@@ -176,55 +182,64 @@ double& SecondOrder::entry(int a, int b) {
     return W_thth_(at_rho2_ + i - nd_, at_rho2_ + j - nd_);
 }
 
-// At the start the weighted sum holds -lam.X_mu h and share f.X_mu q1, at the end mu_h.h.
-void SecondOrder::turn_constraints() {
+// At the start the weighted sum holds -lam.X_mu h and share f.X_mu q1, at the end mu_h.h: of balls their slopes are gathered
+// while the constraints are at hand, and what is bent along mu.
+void SecondOrder::begin_turned_ends() {
+    Turned& t = *turned_;
+    for (auto* a : {&t.at_start, &t.at_end, &t.along_mu}) std::fill(a->begin(), a->end(), 0.0);
+    std::fill(t.bent.begin(), t.bent.end(), 0.0);
+}
+void SecondOrder::note_bend_at_start(int i, int j, double bend) {
+    Turned& t = *turned_;
+    if (turned_middle_.ball_of(i) >= 0) t.bent[static_cast<std::size_t>(i) * nq_ + j] += bend;
+    if (i < nd_) t.along_mu[j] += bend * mu_[i];
+}
+TurnedAxis SecondOrder::axis_at_start(const Ball& ball) const {
+    constexpr double none[3] = {0, 0, 0};
+    return TurnedAxis(ball.prescribed ? none : &mu_[ball.variable]);
+}
+void SecondOrder::note_constraint_at_start(int c) {
+    const std::vector<int>& support = mechanism_.constraints[c]->support();
+    for (std::size_t k = 0; k < support.size(); ++k) {
+        const int i = support[k], b = turned_middle_.ball_of(i);
+        if (b < 0) continue;
+        const double slope = dual_local_.gradient[k].v;
+        turned_->at_start[i] -= lam[c] * slope;
+        const Ball& ball = mechanism_.balls[b];
+        const Eigen::Matrix3d by_turn = axis_at_start(ball).slope();
+        for (int l = 0; l < 3; ++l) W_yth_(nd_ + c, ball.variable + l) -= by_turn(i - ball.variable, l) * slope;
+    }
+}
+void SecondOrder::note_constraint_at_end(int c) {
+    const std::vector<int>& support = mechanism_.constraints[c]->support();
+    for (std::size_t k = 0; k < support.size(); ++k) turned_->at_end[support[k]] += mu_[nd_ + c] * local_.gradient[k];
+}
+
+void SecondOrder::turn_ends() {
     const Mechanism& m = mechanism_;
-    using Vector3 = Eigen::Vector3d;
-    using Matrix3 = Eigen::Matrix3d;
-    for (const Ball& ball : m.balls) {
-        if (nc_ == 0 && m.instant_forces.empty()) break;
-        const int at = ball.variable;
-        constexpr double none[3] = {0, 0, 0};
-        const TurnedAxis field(ball.prescribed ? none : &mu_[at]);
-        const Matrix3 slope = field.slope();
-        Vector3 at_start = Vector3::Zero(), at_end = Vector3::Zero(), along_mu = Vector3::Zero();
-        Eigen::Matrix<double, 3, Eigen::Dynamic> bent = Eigen::Matrix<double, 3, Eigen::Dynamic>::Zero(3, nq_);
-        for (int c = 0; c < nc_; ++c) {
-            const auto& constraint = *m.constraints[c];
-            const auto own = [&](int i) { return i >= at && i < at + 3; };
-            for_each_entry(constraint, dual_at1_, dual_q1_.data(), dual_local_,
-                           [&](int i, int j, const Dual<double>& bend) {
-                               if (own(i)) bent(i - at, j) -= lam[c] * bend.v;
-                               if (own(j) && i < nd_) along_mu[j - at] -= lam[c] * bend.v * mu_[i];
-                           });
-            Vector3 gradient = Vector3::Zero();
-            for (std::size_t i = 0; i < constraint.support().size(); ++i)
-                if (own(constraint.support()[i])) gradient[constraint.support()[i] - at] += dual_local_.gradient[i].v;
-            at_start -= lam[c] * gradient;
-            const Vector3 turned = slope.transpose() * gradient;
-            for (int i = 0; i < 3; ++i) W_yth_(nd_ + c, at + i) -= turned[i];
-            for_each_entry(constraint, at2_, end(), local_, [&](int i, double x) {
-                if (own(i)) at_end[i - at] += mu_[nd_ + c] * x;
-            });
-        }
-        const ForcePoint<double> instant{at_middle_, q1.data(), v_.data(),
-                                         u.data()};  // as add_instant_forces() left it
-        const auto own_of = [&](int i) { return i >= at && i < at + 3; };
-        for_each_entry(m.instant_forces, instant, force_, [&](int i, double f) {
-            if (own_of(i)) at_start[i - at] += share * f;
+    Turned& t = *turned_;
+    const ForcePoint<double> instant{at_middle_, q1.data(), v_.data(), u.data()};  // as add_instant_forces() left it
+    for_each_entry(m.instant_forces, instant, force_, [&](int i, double f) { t.at_start[i] += share * f; });
+    for_each_entry(
+        m.instant_forces, instant, force_,
+        [&](int i, int j, double f_q, double) { note_bend_at_start(i, j, share * f_q); },
+        [&](int i, int input, double f_u) {
+            const int b = turned_middle_.ball_of(i);
+            if (b < 0) return;
+            const int at = m.balls[b].variable;
+            const Eigen::Matrix3d by_turn = axis_at_start(m.balls[b]).slope();
+            for (int k = 0; k < 3; ++k) W_thth_(at + k, nq_ + nd_ + input) += share * by_turn(i - at, k) * f_u;
         });
-        for_each_entry(
-            m.instant_forces, instant, force_,
-            [&](int i, int j, double f_q, double) {
-                if (own_of(i)) bent(i - at, j) += share * f_q;
-                if (own_of(j) && i < nd_) along_mu[j - at] += share * mu_[i] * f_q;
-            },
-            [&](int i, int input, double f_u) {
-                if (!own_of(i)) return;
-                for (int k = 0; k < 3; ++k) W_thth_(at + k, nq_ + nd_ + input) += share * slope(i - at, k) * f_u;
-            });
-        const Matrix3 own = field.bend(at_start) + symmetric_chart_bend(along_mu), chart = symmetric_chart_bend(at_end);
-        const Eigen::Matrix<double, 3, Eigen::Dynamic> rows = slope.transpose() * bent;
+    if (prescribed_turns_) add_prescribed_turns();
+    for (const Ball& ball : m.balls) {
+        const int at = ball.variable;
+        const TurnedAxis field = axis_at_start(ball);
+        using Vector3 = Eigen::Map<const Eigen::Vector3d>;
+        const Eigen::Matrix3d own =
+                                  field.bend(Vector3(&t.at_start[at])) + symmetric_chart_bend(Vector3(&t.along_mu[at])),
+                              chart = symmetric_chart_bend(Vector3(&t.at_end[at]));
+        const Eigen::Map<const NewtonMatrix::Matrix> bent(&t.bent[static_cast<std::size_t>(at) * nq_], 3, nq_);
+        const Eigen::Matrix<double, 3, Eigen::Dynamic> rows = field.slope().transpose() * bent;
         for (int i = 0; i < 3; ++i) {
             for (int j = 0; j < nq_; ++j) {
                 add_11(at + i, j, rows(i, j));
@@ -236,7 +251,6 @@ void SecondOrder::turn_constraints() {
             }
         }
     }
-    if (prescribed_turns_) add_prescribed_turns();
 }
 
 // Of balls that are prescribed: mu_h.h at the end, which alpha and e turn, and the weights on where they end themselves.
@@ -258,7 +272,6 @@ void SecondOrder::add_prescribed_turns() {
         if (ball == m.balls.end()) return f(nq_ + i, 1.0);
         for (int k = 0; k < 6; ++k) f(place_of(*ball, k), slopes[ball - m.balls.begin()](i - ball->variable, k));
     };
-    std::vector<double> by_end(nq_);
     for (int c = 0; c < nc_; ++c) {
         for_each_entry(*m.constraints[c], at2_, end(), local_, [&](int i, int j, double bend) {
             each_cause(i, [&](int a, double weight_a) {
@@ -266,12 +279,12 @@ void SecondOrder::add_prescribed_turns() {
                            [&](int b, double weight_b) { add_ends(a, b, mu_[nd_ + c] * weight_a * weight_b * bend); });
             });
         });
-        for_each_entry(*m.constraints[c], at2_, end(), local_, [&](int i, double x) { by_end[i] += mu_[nd_ + c] * x; });
+        note_constraint_at_end(c);
     }
     for (std::size_t b = 0; b < m.balls.size(); ++b) {
         const Ball& ball = m.balls[b];
         if (!ball.prescribed) continue;
-        const Eigen::Map<const Eigen::Vector3d> g(&by_end[ball.variable]), w(&w_rho[ball.variable - nd_]);
+        const Eigen::Map<const Eigen::Vector3d> g(&turned_->at_end[ball.variable]), w(&w_rho[ball.variable - nd_]);
         const Eigen::Matrix<double, 6, 6> own = slopes[b].transpose() * symmetric_chart_bend(g) * slopes[b] +
                                                 GivenTurning(&q2[ball.variable]).end_bend(g + w);
         for (int k = 0; k < 6; ++k)

@@ -1,13 +1,18 @@
 #include "discrete/turned_middle.hpp"
 
 #include <algorithm>
+#include <cstring>
 
 namespace leastaction {
 
 namespace {
 
+using Matrix3 = Turning::Matrix3;
 using Matrix6 = Turning::Matrix6;
+using Row = Matrix3::Row;
 using Wide = Eigen::Array<double, 8, 1>;
+
+const Matrix3 identity{{Row{1, 0, 0, 0}, Row{0, 1, 0, 0}, Row{0, 0, 1, 0}}};
 
 // The planes as blocks: rows by coordinates and by rates, columns by either.
 struct Planes {
@@ -17,64 +22,71 @@ struct Planes {
 
 // Second derivatives by three joints in a row, (q, v) twice.
 Matrix6 own_block(const Planes& of, std::size_t at, std::size_t stride) {
-    Matrix6 out{};
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j <= i; ++j) {
-            const std::size_t ij = at + i * stride + j;
-            out(i, j) = out(j, i) = of.qq[ij];
-            out(3 + i, 3 + j) = out(3 + j, 3 + i) = of.vv[ij];
-            out(j, 3 + i) = out(3 + i, j) = of.vq[ij];
-            out(i, 3 + j) = out(3 + j, i) = of.qv[ij];
-        }
-    return out;
+    const double *qq = of.qq + at, *vv = of.vv + at, *vq = of.vq + at, *qv = of.qv + at;
+    const std::size_t y = stride, z = 2 * stride;
+    const auto symmetric = [&](const double* d) {
+        return Matrix3{
+            {Row{d[0], d[y], d[z], 0.0}, Row{d[y], d[y + 1], d[z + 1], 0.0}, Row{d[z], d[z + 1], d[z + 2], 0.0}}};
+    };
+    const Matrix3 v_by_q{
+        {Row{vq[0], qv[y], qv[z], 0.0}, Row{vq[y], vq[y + 1], qv[z + 1], 0.0}, Row{vq[z], vq[z + 1], vq[z + 2], 0.0}}};
+    return {symmetric(qq), transposed(v_by_q), v_by_q, symmetric(vv)};
+}
+// a + a', of which the upper right block is left out.
+Matrix6 twice_symmetric(const Matrix6& a) {
+    return {a.aa + transposed(a.aa), {}, a.ba + transposed(a.ab), a.bb + transposed(a.bb)};
 }
 void put_own_block(const Matrix6& block, const Planes& to, std::size_t at, std::size_t stride) {
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j <= i; ++j) {
             const std::size_t ij = at + i * stride + j;
-            to.qq[ij] = block(i, j);
-            to.vv[ij] = block(3 + i, 3 + j);
-            to.vq[ij] = block(3 + i, j);
-            to.qv[ij] = block(i, 3 + j);
+            to.qq[ij] = block.aa(i, j);
+            to.vv[ij] = block.bb(i, j);
+            to.vq[ij] = block.ba(i, j);
+            to.qv[ij] = block.ba(j, i);
         }
 }
 
 // Adds to three columns by coordinates, and three by rates, what a change makes of those of `from`. The fourth lane is another
 // joint's, and stays.
 template <class Change>
-void add_columns(const Change& change, const double* from_q, const double* from_v, Eigen::Array4d& q,
-                 Eigen::Array4d& v) {
+void add_columns(const Change& change, const double* from_q, const double* from_v, Row& q, Row& v) {
     for (int l = 0; l < 3; ++l) {
-        q += from_q[l] * change.q_by_q[l] + from_v[l] * change.v_by_q[l];
-        v += from_q[l] * change.q_by_v[l] + from_v[l] * change.v_by_v[l];
+        q += from_q[l] * change.q_by_q.rows[l] + from_v[l] * change.v_by_q.rows[l];
+        v += from_q[l] * change.q_by_v.rows[l] + from_v[l] * change.v_by_v.rows[l];
     }
 }
 template <class Change>
 void add_rows(const Change& change, const Wide* from_q, const Wide* from_v, Wide* q, Wide* v) {
     for (int k = 0; k < 3; ++k)
         for (int l = 0; l < 3; ++l) {
-            q[k] += change.q_by_q[l][k] * from_q[l] + change.v_by_q[l][k] * from_v[l];
-            v[k] += change.q_by_v[l][k] * from_q[l] + change.v_by_v[l][k] * from_v[l];
+            q[k] += change.q_by_q(l, k) * from_q[l] + change.v_by_q(l, k) * from_v[l];
+            v[k] += change.q_by_v(l, k) * from_q[l] + change.v_by_v(l, k) * from_v[l];
         }
 }
 
-Eigen::Map<Eigen::Array4d> four(double* at) { return Eigen::Map<Eigen::Array4d>(at); }
+void get_four(const double* at, Row& out) { std::memcpy(&out, at, sizeof out); }
+void put_four(const Row& of, double* at) { std::memcpy(at, &of, sizeof of); }
 
 template <class Change>
 void turn_columns(const Change& change, double* q, double* v) {
-    Eigen::Array4d new_q = four(q), new_v = four(v);
+    Row new_q, new_v;
+    get_four(q, new_q);
+    get_four(v, new_v);
     add_columns(change, q, v, new_q, new_v);
-    four(q) = new_q;
-    four(v) = new_v;
+    put_four(new_q, q);
+    put_four(new_v, v);
 }
 // Of duals: derivatives, and values, which the field changes.
 template <class Change>
 void turn_columns(const Change& change, const Change& field, double* q, double* v, double* value_q, double* value_v) {
-    Eigen::Array4d new_q = four(q), new_v = four(v);
+    Row new_q, new_v;
+    get_four(q, new_q);
+    get_four(v, new_v);
     add_columns(change, q, v, new_q, new_v);
     add_columns(field, value_q, value_v, new_q, new_v);
-    four(q) = new_q;
-    four(v) = new_v;
+    put_four(new_q, q);
+    put_four(new_v, v);
     turn_columns(change, value_q, value_v);
 }
 
@@ -116,45 +128,23 @@ TurnedMiddle::TurnedMiddle(const Mechanism& m) : mechanism_(m), ball_of_(m.n_var
         std::fill_n(&ball_of_[m.balls[b].variable], 3, static_cast<int>(b));
 }
 
-void TurnedMiddle::Change::set(const Matrix6& of, double kept) {
-    for (int l = 0; l < 3; ++l) {
-        q_by_q[l] << of(l, 0), of(l, 1), of(l, 2), 0.0;
-        q_by_v[l] << of(l, 3), of(l, 4), of(l, 5), 0.0;
-        v_by_q[l] << of(3 + l, 0), of(3 + l, 1), of(3 + l, 2), 0.0;
-        v_by_v[l] << of(3 + l, 3), of(3 + l, 4), of(3 + l, 5), 0.0;
-        q_by_q[l][l] -= kept;
-        v_by_v[l][l] -= kept;
-    }
-}
-
 void TurnedMiddle::Ends::set(int variable, const Matrix6& of, double rate) {
     first = variable;
-    for (int i = 0; i < 6; ++i)
-        for (int k = 0; k < 3; ++k) {
-            by(i, k) = 0.5 * of(i, k) - rate * of(i, 3 + k);
-            by(i, 3 + k) = 0.5 * of(i, k) + rate * of(i, 3 + k);
-        }
+    by = {0.5 * of.aa - rate * of.ab, 0.5 * of.aa + rate * of.ab, 0.5 * of.ba - rate * of.bb,
+          0.5 * of.ba + rate * of.bb};
 }
 
 // From (theta, nu) by (s, d) to (theta, nu/dt) by (s, d/dt).
 Matrix6 TurnedMiddle::scaled(const Matrix6& by_middle) const {
-    const Matrix6::Row scale{1.0, 1.0, 1.0, dt_, dt_, dt_, 0.0, 0.0};
-    Matrix6 out;
-    for (int i = 0; i < 3; ++i) {
-        out.rows[i] = by_middle.rows[i] * scale;
-        out.rows[3 + i] = rate_ * (by_middle.rows[3 + i] * scale);
-    }
-    return out;
+    return {by_middle.aa, dt_ * by_middle.ab, rate_ * by_middle.ba, by_middle.bb};
 }
 
-void TurnedMiddle::set(const std::vector<Turning>& turnings, double dt) {
-    dt_ = dt;
-    rate_ = 1.0 / dt;
+void TurnedMiddle::set_balls(const std::vector<Turning>& turnings) {
     for (std::size_t b = 0; b < balls_.size(); ++b) {
         const Ball& ball = mechanism_.balls[b];
         TurnedBall& at = balls_[b];
         at.whole = scaled(ball.prescribed ? GivenTurning(turnings[b].phi()).slope() : turnings[b].slope());
-        at.change.set(at.whole, 1.0);
+        at.change = {at.whole.aa - identity, at.whole.ab, at.whole.ba, at.whole.bb - identity};
         at.ends.set(ball.variable, at.whole, rate_);
     }
 }
@@ -162,7 +152,7 @@ void TurnedMiddle::set(const std::vector<Turning>& turnings, double dt) {
 void TurnedMiddle::set_field(std::size_t ball, const Matrix6& slope) {
     TurnedBall& at = balls_[ball];
     at.field = scaled(slope);
-    at.field_change.set(at.field, 0.0);
+    at.field_change = {at.field.aa, at.field.ab, at.field.ba, at.field.bb};
     at.field_ends.set(mechanism_.balls[ball].variable, at.field, rate_);
 }
 
@@ -181,7 +171,9 @@ void TurnedMiddle::turn(PairDerivatives& pairs) const {
         if (ball.joint >= mechanism_.n_massive) continue;
         const TurnedBall& by = balls_[b];
         const std::size_t at = ball.joint * stride;
-        const Matrix6 own = transposed_product(by.whole, own_block(d, at + ball.joint, stride) * by.whole);
+        // W'HW, with H symmetric.
+        const Matrix6 halves = transposed_product(by.whole, 0.5 * own_block(d, at + ball.joint, stride));
+        const Matrix6 own = twice_symmetric(transposed_product(by.whole, transposed(halves)));
         each_group_before(mechanism_, ball.joint, [&](int j) {
             for (const auto& [q, v] : {std::pair{d.qq, d.vq}, std::pair{d.qv, d.vv}}) {
                 ThreeRows rows(q + at + j, v + at + j, stride);
@@ -206,9 +198,10 @@ void TurnedMiddle::turn(PairDerivatives& pairs, PairDerivatives& values) const {
         if (ball.joint >= mechanism_.n_massive) continue;
         const TurnedBall& by = balls_[b];
         const std::size_t at = ball.joint * stride;
-        const Matrix6 slopes = own_block(d, at + ball.joint, stride) * by.whole;
-        const Matrix6 half = transposed_product(by.field, own_block(x, at + ball.joint, stride) * by.whole);
-        const Matrix6 own = transposed_product(by.whole, slopes) + half + transposed(half);
+        // W'DW + F'XW + W'XF
+        const Matrix6 halves = transposed_product(by.whole, 0.5 * own_block(d, at + ball.joint, stride)) +
+                               transposed_product(by.field, own_block(x, at + ball.joint, stride));
+        const Matrix6 own = twice_symmetric(transposed_product(by.whole, transposed(halves)));
         each_group_before(mechanism_, ball.joint, [&](int j) {
             const std::size_t row = at + j;
             const auto turn_group = [&](double* q, double* v, double* value_q, double* value_v) {
@@ -236,7 +229,9 @@ void TurnedMiddle::copy_values(const Lagrangian<Dual<double>>& of, PairDerivativ
         if (ball.joint >= mechanism_.n_massive) continue;
         for (int i = ball.joint; i < ball.joint + 3; ++i)
             for (const auto& [first, last] : mechanism_.runs[i]) of.pair_values(i, first, last, values);
-        each_row_behind(ball, [&](int i) { of.pair_values(i, ball.joint, ball.joint + 3, values); });
+        each_row_behind(ball, [&](int i) {  // those of other balls are there in full
+            if (ball_of_[mechanism_.joints[i].variable] < 0) of.pair_values(i, ball.joint, ball.joint + 3, values);
+        });
     }
 }
 

@@ -17,12 +17,41 @@ struct ByEnds {
     double q_start, q_end, v_start, v_end;
 };
 
+// Where nothing turns: each variable depends on itself.
+struct PlainMiddle {
+    double rate;
+    template <class F>
+    void each_end(int i, const F& f) const {
+        f(i, ByEnds{0.5, 0.5, -rate, rate});
+    }
+};
+
+// Calls f(k, start, end) with what a row of weights by variable i of the middle and its rate comes to.
+template <class Middle, class F>
+void spread(const Middle& middle, int i, double by_q, double by_v, const F& f) {
+    middle.each_end(
+        i, [&](int k, const ByEnds& e) { f(k, by_q * e.q_start + by_v * e.v_start, by_q * e.q_end + by_v * e.v_end); });
+}
+
 class TurnedMiddle {
 public:
     explicit TurnedMiddle(const Mechanism& mechanism);
 
     // For a step in which the balls turn so.
-    void set(const std::vector<Turning>& turnings, double dt);
+    void set(const std::vector<Turning>& turnings, double dt) {
+        dt_ = dt;
+        rate_ = 1.0 / dt;
+        if (turns()) set_balls(turnings);
+    }
+    bool turns() const { return !balls_.empty(); }
+    // Calls f with this, or a PlainMiddle where nothing turns: asked once for all that is done there.
+    template <class F>
+    void visit(const F& f) const {
+        if (turns())
+            visit_turned(f);
+        else
+            f(PlainMiddle{rate_});
+    }
     // The derivatives by (s, d) of the field of a ball, where duals are taken along it (0 before).
     void set_field(std::size_t ball, const Turning::Matrix6& slope);
 
@@ -45,13 +74,6 @@ public:
     void each_field_end(int i, const F& f) const {
         if (ball_of_[i] >= 0) balls_[ball_of_[i]].field_ends.each(i, f);
     }
-    // Calls f(k, start, end) with what a row of weights by variable i and its rate comes to.
-    template <class F>
-    void spread(int i, double by_q, double by_v, const F& f) const {
-        each_end(i, [&](int k, const ByEnds& e) {
-            f(k, by_q * e.q_start + by_v * e.v_start, by_q * e.q_end + by_v * e.v_end);
-        });
-    }
     // (theta, theta') of a ball by turns of the start and the end.
     const Turning::Matrix6& by_ends(std::size_t ball) const { return balls_[ball].ends.by; }
     int ball_of(int variable) const { return ball_of_[variable]; }  // -1: none
@@ -60,8 +82,7 @@ private:
     using Matrix6 = Turning::Matrix6;
     // A map from (q, v) of three variables to three new ones, without what it keeps: weights of each old one by the new.
     struct Change {
-        Eigen::Array4d q_by_q[3], q_by_v[3], v_by_q[3], v_by_v[3];
-        void set(const Matrix6& of, double kept);
+        Turning::Matrix3 q_by_q, q_by_v, v_by_q, v_by_v;
     };
     struct Ends {
         int first;
@@ -71,7 +92,7 @@ private:
         void each(int i, const F& f) const {
             const int row = i - first;
             for (int k = 0; k < 3; ++k)
-                f(first + k, ByEnds{by(row, k), by(row, 3 + k), by(3 + row, k), by(3 + row, 3 + k)});
+                f(first + k, ByEnds{by.aa(row, k), by.ab(row, k), by.ba(row, k), by.bb(row, k)});
         }
     };
     struct TurnedBall {
@@ -79,6 +100,11 @@ private:
         Change change, field_change;
         Ends ends, field_ends;
     };
+    void set_balls(const std::vector<Turning>& turnings);
+    template <class F>
+    [[gnu::noinline]] void visit_turned(const F& f) const {
+        f(*this);
+    }
     template <class Row>
     void each_row_behind(const Ball& ball, const Row& row) const;
     Matrix6 scaled(const Matrix6& by_middle) const;

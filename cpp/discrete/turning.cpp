@@ -19,14 +19,13 @@ using Matrix6 = Turning::Matrix6;
 using Row = Matrix3::Row;
 Row row(double x, double y, double z) { return Row{x, y, z, 0.0}; }
 Row row(const Vector& a) { return row(a.x, a.y, a.z); }
-const Matrix3 identity{{row(1, 0, 0), row(0, 1, 0), row(0, 0, 1)}}, nothing{};
+const Matrix3 identity{{row(1, 0, 0), row(0, 1, 0), row(0, 0, 1)}};
 Matrix3 outer(const Vector& a, const Vector& b) {
     const Row of_b = row(b);
     return {{a.x * of_b, a.y * of_b, a.z * of_b}};
 }
 void add_diagonal(Matrix3& to, double x) { to = to + Matrix3{{row(x, 0, 0), row(0, x, 0), row(0, 0, x)}}; }
-// a x, and its product with a matrix.
-Matrix3 crossing(const Vector& a) { return {{row(0, -a.z, a.y), row(a.z, 0, -a.x), row(-a.y, a.x, 0)}}; }
+// The product of a x with a matrix.
 Matrix3 crossed(const Vector& a, const Matrix3& m) {
     return {{a.y * m.rows[2] - a.z * m.rows[1], a.z * m.rows[0] - a.x * m.rows[2], a.x * m.rows[1] - a.y * m.rows[0]}};
 }
@@ -110,6 +109,8 @@ void keep_unit(double* p) {
 }
 
 }  // namespace
+
+Matrix3 crossing(const Vector& a) { return {{row(0, -a.z, a.y), row(a.z, 0, -a.x), row(-a.y, a.x, 0)}}; }
 
 void turn_by(const double* q, const double* phi, double part, double* out) {
     const double square = part * part * (phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]),
@@ -200,9 +201,17 @@ Matrix3 Turning::phi_by_d() const {
     return out;
 }
 
+// phi_by_d() times a matrix.
+Matrix3 Turning::by_phi(const Matrix3& m) const {
+    const Row along = phi_.x * m.rows[0] + phi_.y * m.rows[1] + phi_.z * m.rows[2];
+    const double kept = 1.0 - c_ * dot(phi_, phi_);
+    return {{kept * m.rows[0] + (c_ * phi_.x) * along, kept * m.rows[1] + (c_ * phi_.y) * along,
+             kept * m.rows[2] + (c_ * phi_.z) * along}};
+}
+
 Matrix6 Turning::slope() const {
     const Matrix3 P = crossing(phi_), xi_by_d = tau_ * P;
-    return joined(identity, xi_by_d, P - change_by_turn(phi_), phi_by_d() - changed_by_turn(phi_, xi_by_d));
+    return {identity, xi_by_d, P - change_by_turn(phi_), phi_by_d() - changed_by_turn(phi_, xi_by_d)};
 }
 
 // With xi = xi_d d and dphi = phi_d d by d, the second changes of theta and phi along exp are those of
@@ -212,7 +221,7 @@ Matrix6 Turning::slope() const {
 //
 // c' and tau' by x^2.
 Matrix6 Turning::along(const Vector& g, const Vector& h, const Matrix3& twice_theta, const Matrix3& phi_theta,
-                       const Matrix3& twice_phi) const {
+                       const Matrix3* twice_phi) const {
     const Vector &p = phi_, hp = cross(h, p), gp = cross(g, p), hpp = cross(hp, p);
     const Matrix3 P = crossing(p), phi_d = phi_by_d(), xi_d = tau_ * P;
     // -c ([h] [p] + [h x p]) with [h] [p] = p h' - (h.p) 1 and [h x p] = p h' - h p'
@@ -222,17 +231,20 @@ Matrix6 Turning::along(const Vector& g, const Vector& h, const Matrix3& twice_th
     const Vector f = 0.25 * g;
     const Matrix3 own = 0.5 * twice_theta - Matrix3{{row(0, f.z, -f.y), row(f.z, 0, f.x), row(-f.y, f.x, 0)}};
     const Matrix3 own_d = own * xi_d;
-    const Matrix3 left_s = 0.5 * (twice_phi * P - crossing(h)) + phi_theta;
-    const Matrix3 left_d = 0.5 * (twice_phi * phi_d + Y) + phi_theta * xi_d;
+    Matrix3 left_s = phi_theta - crossing(0.5 * h), left_d = 0.5 * Y + phi_theta * xi_d;
+    if (twice_phi) {
+        left_s = left_s + 0.5 * (*twice_phi * P);
+        left_d = left_d + 0.5 * (*twice_phi * phi_d);
+    }
     const Matrix3 ss = own - crossed(p, left_s), sd = own_d - crossed(p, left_d);
-    const Matrix3 ds = phi_d * left_s - crossed(tau_ * p, own), dd = phi_d * left_d - crossed(tau_ * p, own_d);
+    const Matrix3 ds = by_phi(left_s) - crossed(tau_ * p, own), dd = by_phi(left_d) - crossed(tau_ * p, own_d);
     const Matrix3 both = sd + transposed(ds);
-    return joined(ss + transposed(ss), both, transposed(both), dd + transposed(dd));
+    return {ss + transposed(ss), both, transposed(both), dd + transposed(dd)};
 }
 
 // nu = J^-1 phi.
 Matrix6 Turning::bend(const Vector& g, const Vector& h) const {
-    return along(g - weighted_change(h, phi_), h, bend_form(h, phi_), -1.0 * transposed(change_form(h)), nothing);
+    return along(g - weighted_change(h, phi_), h, bend_form(h, phi_), -1.0 * transposed(change_form(h)), nullptr);
 }
 
 // theta moves by J^-1 xi and nu by J^-1 eta - C(xi) phi + ..., of which xi and eta = dphi depend on phi.
@@ -258,8 +270,8 @@ Vector TurnedField::nu() const { return eta_ - change(xi_, at_.phi_); }
 Matrix6 TurnedField::slope() const {
     const Matrix3 P = crossing(at_.phi_), phi_d = at_.phi_by_d(), xi_d = at_.tau_ * P,
                   theta = -1.0 * change_by_turn(xi_);
-    return joined(theta + xi_phi_ * P, theta * xi_d + xi_phi_ * phi_d, nu_theta_ + nu_phi_ * P,
-                  nu_theta_ * xi_d + nu_phi_ * phi_d);
+    return {theta + xi_phi_ * P, theta * xi_d + xi_phi_ * phi_d, nu_theta_ + nu_phi_ * P,
+            nu_theta_ * xi_d + nu_phi_ * phi_d};
 }
 
 Matrix6 TurnedField::bend(const Vector& g, const Vector& h, const Vector& of_theta, const Vector& of_nu) const {
@@ -287,27 +299,13 @@ Matrix6 TurnedField::bend(const Vector& g, const Vector& h, const Vector& of_the
     const Matrix3 half = outer(phi, by_p) + outer(at_.c_ * d_, h) - transposed_product(xi_phi_, change_form(h));
     Matrix3 twice_phi = half + transposed(half);
     add_diagonal(twice_phi, 2.0 * (at_.tau1_ * q + at_.c1_ * r - at_.c_ * dh));
-    return at_.along(by_theta, by_phi, twice_theta, transposed(theta_phi), twice_phi);
+    return at_.along(by_theta, by_phi, twice_theta, transposed(theta_phi), &twice_phi);
 }
 
-// With the blocks of the form ss and so on: of the start, of both, and of the end.
 Matrix6 by_ends(const Matrix6& form) {
-    Matrix6 rows, out;  // rows of alpha and beta
-    for (int i = 0; i < 3; ++i) {
-        rows.rows[i] = 0.5 * form.rows[i] - form.rows[3 + i];
-        rows.rows[3 + i] = 0.5 * form.rows[i] + form.rows[3 + i];
-    }
-    for (int i = 0; i < 6; ++i) {
-        Row s, d;
-        std::memcpy(&s, rows.rows[i].data(), sizeof s);
-        std::memcpy(&d, rows.rows[i].data() + 3, sizeof d);
-        const Row start = 0.5 * s - d, end = 0.5 * s + d;
-        double* to = out.rows[i].data();
-        std::memcpy(to, &start, sizeof start);
-        std::memcpy(to + 3, &end, sizeof end);
-        to[6] = to[7] = 0.0;
-    }
-    return out;
+    const Matrix3 ss = 0.25 * form.aa, sd = 0.5 * form.ab, ds = 0.5 * form.ba;
+    const Matrix3 even = ss + form.bb, both = sd + ds, odd = ss - form.bb, turn = sd - ds;
+    return {even - both, odd + turn, odd - turn, even + both};
 }
 
 Eigen::Matrix3d TurnedAxis::slope() const { return -plain(change_by_turn(w)); }

@@ -36,6 +36,8 @@ void turn_by(const double* quaternion, const double* rotation_vector, double par
 void rotation_between(const double* from, const double* to, double* out);                         // log(from^-1 to)
 Vec3<double> turned(const double* quaternion, const Vec3<double>& a, double sense = 1.0);         // -1: backwards
 
+SmallMatrix<3> crossing(const Vec3<double>& a);  // a x
+
 class Turning {
 public:
     using Vector = Vec3<double>;
@@ -63,8 +65,9 @@ private:
     friend class TurnedField;
     // The second derivatives by (s, d) of a function of theta and phi with these gradients g and h and these Hessians.
     Matrix6 along(const Vector& g, const Vector& h, const Matrix3& twice_theta, const Matrix3& phi_theta,
-                  const Matrix3& twice_phi) const;
+                  const Matrix3* twice_phi) const;  // null: zero
     Matrix3 phi_by_d() const;
+    Matrix3 by_phi(const Matrix3& m) const;
 
     Vector phi_;
     double c_, c1_, c2_, tau_, tau1_, tau2_;  // with first and second derivatives by x^2

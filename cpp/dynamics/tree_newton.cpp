@@ -78,8 +78,10 @@ TreeNewton::TreeNewton(const Mechanism& mechanism, bool turning) {
 bool TreeNewton::factor(const Lagrangian<double>& lagrangian, double dt, const double* diagonal,
                         const BallTurn* turns) {
     const double quarter = 0.25 * dt, rate = 1.0 / dt;
-    return eliminate<true>([&](const Node& node, Vector* u, Vector* w, Factors* at, Block& block) {
-        if (node.ball >= 0) return load_ball(lagrangian, node.joint, dt, turns[node.ball], u, w, at, block);
+    const auto ball = [&](const Node& node, Vector* u, Vector* w, Factors* at, Block& block) {
+        load_ball(lagrangian, node.joint, dt, turns[node.ball], u, w, at, block);
+    };
+    const auto variable = [&](const Node& node, Vector* u, Vector* w, Factors* at, Block& block) {
         const JointVectors vectors = lagrangian.vectors(node.joint);
         for (int k = 0; k < 6; ++k) {
             const double S = vectors.S[k], W = vectors.W[k], even = -rate * S - quarter * vectors.G[k], odd = 0.5 * W;
@@ -90,57 +92,75 @@ bool TreeNewton::factor(const Lagrangian<double>& lagrangian, double dt, const d
         }
         *u = *w = Eigen::Map<const Vector>(vectors.AB);
         block[0][0] = diagonal[node.variable];
-    });
+    };
+    return eliminate(variable, ball);
 }
 
 void TreeNewton::load_ball(const Lagrangian<double>& lagrangian, int joint, double dt, const BallTurn& turn, Vector* u,
                            Vector* w, Factors* at, Block& block) {
-    using Half = Eigen::Array<double, 6, 1>;
+    using Matrix3 = SmallMatrix<3>;
     const SmallMatrix<6>& by = turn.by_ends;
+    const double half = 0.5 * dt, four = 4.0 / dt;
     const JointVectors joints[3] = {lagrangian.vectors(joint), lagrangian.vectors(joint + 1),
                                     lagrangian.vectors(joint + 2)};
-    const double half = 0.5 * dt, four = 4.0 / dt;
-    const auto put = [](const Half& first, const Half& second, Vector& to) {
-        Eigen::Map<Half>(to.data()) = first;
-        Eigen::Map<Half>(to.data() + 6) = second;
+    // Put together first, so that they are in memory when they are read: [S; S], [W; W], [G; 0] and [0; A].
+    struct Pairs {
+        Vector SS, WW, G, A;
+    } pairs[3];
+    for (int l = 0; l < 3; ++l) {
+        const JointVectors& of = joints[l];
+        Pairs& to = pairs[l];
+        for (const int first : {0, 6}) {
+            std::copy_n(of.S, 6, to.SS.data() + first);
+            std::copy_n(of.W, 6, to.WW.data() + first);
+        }
+        to.G = to.A = Vector::Zero();
+        std::copy_n(of.G, 3, to.G.data());
+        std::copy_n(of.AB, 6, to.A.data() + 6);
+    }
+    Vector up, down;  // what turns X and Y into c and b
+    for (int c = 0; c < 6; ++c) up[c] = 1.0, down[c] = -1.0, up[6 + c] = down[6 + c] = half;
+    Vector b[3], c[3], rows[3], columns[3];
+    for (int k = 0; k < 3; ++k) b[k] = c[k] = rows[k] = columns[k] = Vector::Zero();
+    for (int l = 0; l < 3; ++l) {
+        const Pairs& of = pairs[l];
+        const Vector AB = 2.0 * Eigen::Map<const Vector>(joints[l].AB), A = four * of.A, G = half * of.G;
+        for (int k = 0; k < 3; ++k) {
+            const double x_start = by.aa(l, k), n_start = by.ba(l, k), x_end = by.ab(l, k), n_end = by.bb(l, k);
+            c[k] += up * (n_start * of.SS - x_start * of.WW) - x_start * G;
+            b[k] += down * (n_end * of.SS - x_end * of.WW) - x_end * G;
+            rows[k] += x_start * (AB + A) + (2.0 * n_start) * of.A;
+            columns[k] += x_end * (AB - A) + (2.0 * n_end) * of.A;
+        }
+    }
+    for (int k = 0; k < 3; ++k) at[k].b = b[k], at[k].c = c[k], u[k] = rows[k], w[k] = columns[k];
+    // Rows of the second derivatives by joints (i, j), of which those with j <= i hold.
+    Matrix3 qq{}, vv{}, q_v{}, v_q{};
+    for (int c = 0; c < 6; ++c) {
+        const Matrix3::Row S{joints[0].S[c], joints[1].S[c], joints[2].S[c], 0.0},
+            W{joints[0].W[c], joints[1].W[c], joints[2].W[c], 0.0},
+            G{joints[0].G[c], joints[1].G[c], joints[2].G[c], 0.0};
+        for (int i = 0; i < 3; ++i) {
+            const double A = joints[i].AB[c], B = joints[i].AB[6 + c];
+            qq.rows[i] -= B * W + A * G;
+            vv.rows[i] += A * S;
+            q_v.rows[i] += B * S;
+            v_q.rows[i] -= A * W;
+        }
+    }
+    const auto lower = [](const Matrix3& of, const Matrix3& above) {
+        return Matrix3{{Matrix3::Row{of(0, 0), above(1, 0), above(2, 0), 0.0},
+                        Matrix3::Row{of(1, 0), of(1, 1), above(2, 1), 0.0}, of.rows[2]}};
     };
+    const Matrix3 rates = lower(vv, vv), mixed = lower(v_q, q_v), places = lower(qq, qq);
+    const Matrix3 by_q = places * by.ab + transposed_product(mixed, by.bb), by_v = mixed * by.ab + rates * by.bb;
+    const Matrix3 own = transposed_product(by.aa, by_q) + transposed_product(by.ba, by_v);
     for (int k = 0; k < 3; ++k)
-        for (const int end : {0, 3}) {
-            Half X = Half::Zero(), Y = Half::Zero(), A = Half::Zero(), B = Half::Zero();
-            for (int l = 0; l < 3; ++l) {
-                const double x = by(l, end + k), n = by(3 + l, end + k);
-                const Eigen::Map<const Half> S(joints[l].S), W(joints[l].W), G(joints[l].G), A_l(joints[l].AB),
-                    B_l(joints[l].AB + 6);
-                X += n * S - x * W;
-                Y -= x * G;
-                A += x * A_l;
-                B += x * B_l + n * A_l;
-            }
-            if (end == 0) {
-                put(half * Y + X, half * X, at[k].c);
-                put(2.0 * A, 2.0 * B + four * A, u[k]);
-            } else {
-                put(half * Y - X, half * X, at[k].b);
-                put(2.0 * A, 2.0 * B - four * A, w[k]);
-            }
-        }
-    SmallMatrix<6> own{};
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j <= i; ++j) {
-            const Eigen::Map<const Half> A(joints[i].AB), B(joints[i].AB + 6), S(joints[j].S), W(joints[j].W),
-                G(joints[j].G);
-            own(i, j) = own(j, i) = -(B * W + A * G).sum();
-            own(3 + i, 3 + j) = own(3 + j, 3 + i) = (A * S).sum();
-            own(3 + i, j) = own(j, 3 + i) = -(A * W).sum();
-            own(i, 3 + j) = own(3 + j, i) = (B * S).sum();
-        }
-    own = transposed_product(by, own * by);
-    for (int k = 0; k < 3; ++k)
-        for (int l = 0; l < 3; ++l) block[k][l] = dt * own(k, 3 + l) + turn.more[k][l];
+        for (int l = 0; l < 3; ++l) block[k][l] = dt * own(k, l) + turn.more[k][l];
 }
 
 bool TreeNewton::factor(const NewtonEuler& bodies, const double* diagonal) {
-    return eliminate<false>([&](const Node& node, Vector* u, Vector* w, Factors* at, Block& block) {
+    const auto variable = [&](const Node& node, Vector* u, Vector* w, Factors* at, Block& block) {
         const Motion<double>& S = bodies.at.twist[node.joint];
         at->b << S.v.x, S.v.y, S.v.z, S.w.x, S.w.y, S.w.z, 0, 0, 0, 0, 0, 0;
         at->c = at->b;
@@ -148,15 +168,16 @@ bool TreeNewton::factor(const NewtonEuler& bodies, const double* diagonal) {
         *u << Y[0], Y[1], Y[2], Y[3], Y[4], Y[5], 0, 0, 0, 0, 0, 0;
         *w = *u;
         block[0][0] = diagonal[node.variable];
-    });
+    };
+    return eliminate(variable, nullptr);
 }
 
-template <bool turning, class Load>
-bool TreeNewton::eliminate(const Load& load) {
+template <class Load, class LoadBall>
+bool TreeNewton::eliminate(const Load& load, const LoadBall& load_ball) {
     for (std::size_t n = nodes_.size(); n-- > 0;) {
-        if constexpr (turning) {
+        if constexpr (!std::is_null_pointer_v<LoadBall>) {
             if (nodes_[n].ball >= 0) {
-                if (!eliminate_node<3>(n, load)) return false;
+                if (!eliminate_node<3>(n, load_ball)) return false;
                 continue;
             }
         }
@@ -168,7 +189,8 @@ bool TreeNewton::eliminate(const Load& load) {
 // Adds P b to w and P'c to u. Of an only child with `below` variables the update of P is still to be done: it shares the pass
 // over P with the products.
 template <int size, int below>
-void TreeNewton::add_products(Projection& P, const Factors* below_it, Factors* at, Vector* u, Vector* w) {
+[[gnu::always_inline]] inline void TreeNewton::add_products(Projection& P, const Factors* below_it, Factors* at,
+                                                            Vector* u, Vector* w) {
     for (int r = 0; r < rank; ++r) {
         Vector column = P.columns[r], row = P.rows[r];
         for (int k = 0; k < below; ++k) {
@@ -203,7 +225,7 @@ void TreeNewton::join_sum(const Node& node) {
 }
 
 template <int size, class Load>
-bool TreeNewton::eliminate_node(std::size_t n, const Load& load) {
+[[gnu::always_inline]] inline bool TreeNewton::eliminate_node(std::size_t n, const Load& load) {
     const Node& node = nodes_[n];
     Factors* at = &factors_[node.variable];
     Vector u[size], w[size], a[size];
@@ -266,7 +288,7 @@ bool TreeNewton::eliminate_node(std::size_t n, const Load& load) {
 
 // Calls f(its variables' count, a node).
 template <class F>
-void TreeNewton::by_size(const Node& node, const F& f) {
+[[gnu::always_inline]] inline void TreeNewton::by_size(const Node& node, const F& f) {
     if (node.ball < 0)
         f(std::integral_constant<int, 1>(), node);
     else

@@ -91,9 +91,9 @@ private:
     };
 
     // `load(node, u, w, factors, block)` fills u and w with a as a row and as a column, b and c, and the block of one or three
-    // variables by themselves.
-    template <bool turning, class Load>
-    bool eliminate(const Load& load);
+    // variables by themselves; `load_ball` does so of a ball, null: there is none.
+    template <class Load, class LoadBall>
+    bool eliminate(const Load& load, const LoadBall& load_ball);
     template <int size, class Load>
     bool eliminate_node(std::size_t n, const Load& load);
     template <int size, int below>

@@ -127,8 +127,9 @@ void Coincidence::evaluate_on(const Placement<T>& at, const T*, Order order, Loc
     out.value = dot(direction_, change.d);
     if constexpr (!is_dual<T>) {
         // Of the places and of their changes: what rounding goes with.
-        out.scale = size_of(change.p1) + size_of(change.p2);
-        for (std::size_t i = 0; i < m && order != Order::value; ++i) raise(out.scale, size_of(change.D[i]));
+        SizeOf<T> size = size_of(change.p1) + size_of(change.p2);
+        for (std::size_t i = 0; i < m && order != Order::value; ++i) raise(size, size_of(change.D[i]));
+        out.scale = size;
     }
     if (order == Order::value) return;
 

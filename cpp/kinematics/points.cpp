@@ -60,13 +60,19 @@ Axis axis_of(const Motion<double>& t) {
 
 namespace {
 
-// A turn about x behind a rotation; apart, so that the joints that are everywhere are as quick as without it.
+// Any twist, or a turn about x behind a rotation; apart, so that the joints that are everywhere are as quick as without them.
 template <class T>
-[[gnu::noinline]] void turn_of_ball(const T* quaternion, const T& s, const T& c, Pose<T>& pose, Motion<T>& twist) {
-    pose.R = pose.R * rotation_of(quaternion);
-    const Vec3<T> w = pose.R.c0;
-    twist = {cross(pose.p, w), w};
-    turn(pose.R.c1, pose.R.c2, s, c);
+[[gnu::noinline]] void place_screw(const Joint& joint, T q, T s, T c, const T* all, Pose<T>& pose, Motion<T>& twist) {
+    if (joint.quaternion >= 0) {
+        pose.R = pose.R * rotation_of(all + joint.quaternion);
+        const Vec3<T> w = pose.R.c0;
+        twist = {cross(pose.p, w), w};
+        turn(pose.R.c1, pose.R.c2, s, c);
+        return;
+    }
+    const Vec3<T> w = pose.R * joint.twist.w;
+    twist = {pose.R * joint.twist.v + cross(pose.p, w), w};
+    move_along_screw(joint.twist, q, pose);
 }
 
 // One joint, given that its parent is placed; s and c are the sine and cosine of q.
@@ -111,38 +117,36 @@ inline void place_one(const Joint& joint, const T& q, const T& s, const T& c, co
         case Axis::tz:
             along(pose.R.c2);
             break;
-        case Axis::screw: {
-            if (joint.quaternion >= 0) {
-                turn_of_ball(all + joint.quaternion, s, c, pose, twist);
-                break;
-            }
-            const Vec3<T> w = pose.R * joint.twist.w;
-            twist = {pose.R * joint.twist.v + cross(pose.p, w), w};
-            move_along_screw(joint.twist, q, pose);
+        case Axis::screw:
+            place_screw(joint, q, s, c, all, pose, twist);
             break;
-        }
     }
+}
+
+// Whether there is a sine to take: balls and slides alone have none.
+bool any_turns(const std::vector<int>& list, const std::vector<Joint>& joints, const double* angles) {
+    for (std::size_t i = 0; i < list.size(); ++i) {
+        const Axis axis = joints[list[i]].axis;
+        if (angles[i] != 0.0 && (axis <= Axis::rz || axis == Axis::screw)) return true;
+    }
+    return false;
 }
 
 }  // namespace
 
 template <class T>
 void place(const std::vector<int>& list, const T* q, Placement<T>& out) {
+    if (list.empty()) return;
     const std::vector<Joint>& joints = out.joints();
     const int n = static_cast<int>(list.size());
     // Those of one configuration side by side; lanes are so by themselves.
     if constexpr (!std::is_same_v<T, Lanes>) {
-        bool turns = false;  // balls and slides alone do not
-        for (int i = 0; i < n; ++i) {
-            const Joint& joint = joints[list[i]];
-            out.angle[i] = value_of(joint.coordinate(q));
-            turns |= out.angle[i] != 0.0 && (joint.axis <= Axis::rz || joint.axis == Axis::screw);
-        }
-        if (turns) {
-            sincos_all(out.angle.data(), out.sine.data(), out.cosine.data(), n);
-        } else {
+        for (int i = 0; i < n; ++i) out.angle[i] = value_of(joints[list[i]].coordinate(q));
+        if (out.has_quaternions() && !any_turns(list, joints, out.angle.data())) {
             std::fill_n(out.sine.data(), n, 0.0);
             std::fill_n(out.cosine.data(), n, 1.0);
+        } else {
+            sincos_all(out.angle.data(), out.sine.data(), out.cosine.data(), n);
         }
     }
     for (int i = 0; i < n; ++i) {

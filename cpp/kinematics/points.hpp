@@ -70,6 +70,7 @@ struct Constants {
     std::vector<Point> directions;  // vectors fixed in the frame behind a joint: they turn, but do not move
     std::vector<double> numbers;    // of the elements, by slot
     int time_slot = -1;             // of the number that is the time, where an element asks for it
+    bool has_quaternions = false;   // some joints turn behind one
 
     double number(int slot) const { return numbers[slot]; }
     double own_time() const { return time_slot < 0 ? 0.0 : numbers[time_slot]; }  // where no other is told (s)
@@ -111,6 +112,7 @@ public:
           constants_(&constants) {}
 
     const std::vector<Joint>& joints() const { return constants_->joints; }
+    bool has_quaternions() const { return constants_->has_quaternions; }
     Vec3<T> position(int index) const {
         const Point& point = constants_->points[index];
         if (point.joint < 0) return {T(point.offset.x), T(point.offset.y), T(point.offset.z)};

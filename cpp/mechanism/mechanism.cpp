@@ -472,6 +472,7 @@ void MechanismBuilder::set_numbers(Mechanism& m) const {
         joint.variable = m.internal[joint.variable];
         for (Term& term : joint.more) term.variable = m.internal[term.variable];
     }
+    m.has_quaternions = !balls_.empty();
     for (std::size_t b = 0; b < balls_.size(); ++b) {
         m.joints[balls_[b]].axis = Axis::screw;
         m.joints[balls_[b]].quaternion = m.balls[b].quaternion;

@@ -14,7 +14,7 @@ namespace leastaction {
 constexpr int sincos_lanes = 8;
 
 template <int lanes>
-void sincos_wide(const double* x, double* sine, double* cosine) {
+inline void sincos_wide(const double* x, double* sine, double* cosine) {
     constexpr double two_over_pi = 0.63661977236758134308;
     constexpr double part1 = 1.57079632673412561417e+00, part2 = 6.07710050630396597660e-11,
                      part3 = 2.02226624879595063154e-21;
@@ -49,7 +49,7 @@ void sincos_wide(const double* x, double* sine, double* cosine) {
 
 // n angles; the arrays hold whole lanes (a multiple of their number), and x is finite beyond n.
 template <int lanes = sincos_lanes>
-void sincos_all(const double* x, double* sine, double* cosine, int n) {
+inline void sincos_all(const double* x, double* sine, double* cosine, int n) {
     constexpr double far = 1e5;
     for (int i = 0; i < n; i += lanes) sincos_wide<lanes>(x + i, sine + i, cosine + i);
     for (int i = 0; i < n; ++i) {

@@ -1,8 +1,5 @@
-// Square matrices of three or six rows, each row in one register: products are sums of whole rows.
+// Square matrices of three rows, each row in one register, and of six, as four of these: products are sums of whole rows.
 #pragma once
-
-#include <Eigen/Core>
-#include <cstring>
 
 namespace leastaction {
 
@@ -19,48 +16,31 @@ struct SmallMatrix<3> {
 };
 template <>
 struct SmallMatrix<6> {
-    using Row = Eigen::Array<double, 8, 1>;  // zero beyond six
-    Row rows[6];
+    SmallMatrix<3> aa, ab, ba, bb;
 
-    double& operator()(int i, int j) { return rows[i][j]; }
-    double operator()(int i, int j) const { return rows[i][j]; }
+    double operator()(int i, int j) const {
+        return i < 3 ? (j < 3 ? aa(i, j) : ab(i, j - 3)) : (j < 3 ? ba(i - 3, j) : bb(i - 3, j - 3));
+    }
 };
 
-template <int n>
-SmallMatrix<n> operator+(const SmallMatrix<n>& a, const SmallMatrix<n>& b) {
-    SmallMatrix<n> out;
-    for (int i = 0; i < n; ++i) out.rows[i] = a.rows[i] + b.rows[i];
-    return out;
+inline SmallMatrix<3> operator+(const SmallMatrix<3>& a, const SmallMatrix<3>& b) {
+    return {{a.rows[0] + b.rows[0], a.rows[1] + b.rows[1], a.rows[2] + b.rows[2]}};
 }
-template <int n>
-SmallMatrix<n> operator-(const SmallMatrix<n>& a, const SmallMatrix<n>& b) {
-    SmallMatrix<n> out;
-    for (int i = 0; i < n; ++i) out.rows[i] = a.rows[i] - b.rows[i];
-    return out;
+inline SmallMatrix<3> operator-(const SmallMatrix<3>& a, const SmallMatrix<3>& b) {
+    return {{a.rows[0] - b.rows[0], a.rows[1] - b.rows[1], a.rows[2] - b.rows[2]}};
 }
-template <int n>
-SmallMatrix<n> operator*(double factor, const SmallMatrix<n>& a) {
-    SmallMatrix<n> out;
-    for (int i = 0; i < n; ++i) out.rows[i] = factor * a.rows[i];
-    return out;
+inline SmallMatrix<3> operator*(double factor, const SmallMatrix<3>& a) {
+    return {{factor * a.rows[0], factor * a.rows[1], factor * a.rows[2]}};
 }
-template <int n>
-SmallMatrix<n> operator*(const SmallMatrix<n>& a, const SmallMatrix<n>& b) {
-    SmallMatrix<n> out;
-    for (int i = 0; i < n; ++i) {
-        out.rows[i] = a(i, 0) * b.rows[0];
-        for (int k = 1; k < n; ++k) out.rows[i] = out.rows[i] + a(i, k) * b.rows[k];
-    }
+inline SmallMatrix<3> operator*(const SmallMatrix<3>& a, const SmallMatrix<3>& b) {
+    SmallMatrix<3> out;
+    for (int i = 0; i < 3; ++i) out.rows[i] = a(i, 0) * b.rows[0] + a(i, 1) * b.rows[1] + a(i, 2) * b.rows[2];
     return out;
 }
 // a'b.
-template <int n>
-SmallMatrix<n> transposed_product(const SmallMatrix<n>& a, const SmallMatrix<n>& b) {
-    SmallMatrix<n> out;
-    for (int i = 0; i < n; ++i) {
-        out.rows[i] = a(0, i) * b.rows[0];
-        for (int k = 1; k < n; ++k) out.rows[i] = out.rows[i] + a(k, i) * b.rows[k];
-    }
+inline SmallMatrix<3> transposed_product(const SmallMatrix<3>& a, const SmallMatrix<3>& b) {
+    SmallMatrix<3> out;
+    for (int i = 0; i < 3; ++i) out.rows[i] = a(0, i) * b.rows[0] + a(1, i) * b.rows[1] + a(2, i) * b.rows[2];
     return out;
 }
 inline SmallMatrix<3> transposed(const SmallMatrix<3>& a) {
@@ -68,26 +48,24 @@ inline SmallMatrix<3> transposed(const SmallMatrix<3>& a) {
     return {{Row{a(0, 0), a(1, 0), a(2, 0), 0.0}, Row{a(0, 1), a(1, 1), a(2, 1), 0.0},
              Row{a(0, 2), a(1, 2), a(2, 2), 0.0}}};
 }
-inline SmallMatrix<6> transposed(const SmallMatrix<6>& a) {
-    SmallMatrix<6> out{};
-    for (int i = 0; i < 6; ++i)
-        for (int j = 0; j < 6; ++j) out(j, i) = a(i, j);
-    return out;
+
+inline SmallMatrix<6> operator+(const SmallMatrix<6>& a, const SmallMatrix<6>& b) {
+    return {a.aa + b.aa, a.ab + b.ab, a.ba + b.ba, a.bb + b.bb};
 }
-// [aa ab; ba bb]
-inline SmallMatrix<6> joined(const SmallMatrix<3>& aa, const SmallMatrix<3>& ab, const SmallMatrix<3>& ba,
-                             const SmallMatrix<3>& bb) {
-    SmallMatrix<6> out;
-    const auto put = [](SmallMatrix<6>::Row& to, const SmallMatrix<3>::Row& left, const SmallMatrix<3>::Row& right) {
-        std::memcpy(to.data(), &left, sizeof left);
-        std::memcpy(to.data() + 3, &right, sizeof right);
-        to[7] = 0.0;
-    };
-    for (int i = 0; i < 3; ++i) {
-        put(out.rows[i], aa.rows[i], ab.rows[i]);
-        put(out.rows[3 + i], ba.rows[i], bb.rows[i]);
-    }
-    return out;
+inline SmallMatrix<6> operator*(double factor, const SmallMatrix<6>& a) {
+    return {factor * a.aa, factor * a.ab, factor * a.ba, factor * a.bb};
+}
+inline SmallMatrix<6> operator*(const SmallMatrix<6>& a, const SmallMatrix<6>& b) {
+    return {a.aa * b.aa + a.ab * b.ba, a.aa * b.ab + a.ab * b.bb, a.ba * b.aa + a.bb * b.ba, a.ba * b.ab + a.bb * b.bb};
+}
+inline SmallMatrix<6> transposed_product(const SmallMatrix<6>& a, const SmallMatrix<6>& b) {
+    return {transposed_product(a.aa, b.aa) + transposed_product(a.ba, b.ba),
+            transposed_product(a.aa, b.ab) + transposed_product(a.ba, b.bb),
+            transposed_product(a.ab, b.aa) + transposed_product(a.bb, b.ba),
+            transposed_product(a.ab, b.ab) + transposed_product(a.bb, b.bb)};
+}
+inline SmallMatrix<6> transposed(const SmallMatrix<6>& a) {
+    return {transposed(a.aa), transposed(a.ba), transposed(a.ab), transposed(a.bb)};
 }
 
 }  // namespace leastaction

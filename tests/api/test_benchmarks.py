@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from benchmarks import many, timing
+from benchmarks import against, many, timing
+
+import leastaction
 
 ROOT = Path(__file__).resolve().parents[2]
 GROUPS = {"step", "chain", "lq", "marionette", "cart"}
@@ -170,3 +172,20 @@ def test_trials_side_by_side_are_weighed_against_those_that_follow() -> None:
     assert found.rollouts.min() == 1.0
     assert found.rollouts.max() > 1.0
     assert 0.0 < found.share < 1.0
+
+
+def test_another_build_is_timed_beside_this_one(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Beside itself the ratios are about one; a folder without the package is refused."""
+    package = str(Path(leastaction.__file__).parents[1])
+    monkeypatch.setattr(sys, "argv", ["against", package, "--rounds", "1", "--only", "pendulum"])
+    assert against.main() == 0
+    times = np.array(capsys.readouterr().out.splitlines()[-1].split()[1:], dtype=float).reshape(3, 3)
+    np.testing.assert_allclose(times[:, 2], times[:, 0] / times[:, 1], rtol=0.02)
+    assert (times[:, 2] > 0.1).all()
+    assert (times[:, 2] < 10.0).all()
+    monkeypatch.setattr(sys, "argv", ["against", str(tmp_path)])
+    with pytest.raises(SystemExit):
+        against.main()
+    assert "no leastaction in" in capsys.readouterr().err

@@ -655,3 +655,10 @@ def test_random_joints_compile_or_are_refused(tree):
         np.testing.assert_allclose(mechanism.frame_velocity(q, v, name), J @ v, rtol=1e-9, atol=1e-9)
     assert str(mechanism).startswith("world")
     assert mechanism._repr_html_().endswith("</div>")
+
+
+def test_an_inertia_that_is_lost_far_from_the_origin_is_told() -> None:
+    arm = [rz("a", mass=1.0, com=(0.5, 0.0, 0.0), inertia=(0.01, 0.08, 0.08))]
+    assert Mechanism([tx(1e6), arm]).variables == ("a",)
+    with pytest.raises(DescriptionError, match=r"'a' moves is lost to rounding: .* 1e\+08 m from the world's origin"):
+        Mechanism([tx(1e8), arm])

@@ -116,6 +116,15 @@ def test_the_hand_is_an_input_of_an_optimisation() -> None:
     assert np.abs(reached - meant).max() < 0.1
 
 
+def test_rows_may_begin_with_the_other_sign() -> None:
+    run = turned(bar())
+    rows = run.rho.copy()
+    rows[::3, 1:] *= -1.0
+    begin = np.r_[0.2, -0.1, curve(0.0)]
+    vi = MidpointVI(bar())
+    assert np.abs(vi.simulate(vi.start(begin), run.t, rho=rows).q[:, :2] - run.q[:, :2]).max() < 1e-14
+
+
 REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "length": (
         lambda: MidpointVI(bar()).simulate(start(), [0.0, 0.1], rho=[[0.0, 1.1, 0.0, 0.0, 0.0]]),

@@ -184,6 +184,17 @@ def test_a_simulation_is_written_whole(leastaction, tmp_path: Path) -> None:
     assert len((tmp_path / "run.csv").read_text(encoding="utf-8").splitlines()) >= 52
 
 
+def test_what_is_in_a_capture(leastaction, tmp_path: Path) -> None:
+    hips = "ROOT Hips\n{\nOFFSET 0 0 0\nCHANNELS 3 Xposition Yposition Zposition\n"
+    knee = "JOINT Knee\n{\nOFFSET 0 -1 0\nCHANNELS 1 Xrotation\nEnd Site\n{\nOFFSET 0 -1 0\n}\n}\n}\n"
+    motion = "MOTION\nFrames: 3\nFrame Time: 0.5\n0 0 0 1\n0 0 0 2\n0 0 0 3\n"
+    (tmp_path / "step.bvh").write_text("HIERARCHY\n" + hips + knee + motion, encoding="utf-8")
+    code, text, err = leastaction("info", tmp_path / "step.bvh")
+    assert code == 0, err
+    assert "3 frames of 0.5 s, 1 s in all" in text
+    assert "root 'Hips' with Xposition, Yposition, Zposition\n2 joints: Hips, Knee" in text
+
+
 def test_a_folder_is_looked_at_before_the_run(leastaction, two_links: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(MidpointVI, "simulate", None)
     code, out, err = leastaction("simulate", two_links, "--out", two_links)

@@ -204,6 +204,19 @@ def test_derivatives_are_those_of_differences(elements: tuple[Element, ...]) -> 
     check_step(vi, vi.start(q, v).x, np.append(0.3 * rng.standard_normal(m.n_inputs), 0.03), rng)
 
 
+@pytest.mark.parametrize("size", [0.2, 0.3, 0.35])
+def test_a_step_past_half_a_turn_has_derivatives(size: float) -> None:
+    """By 3.0, 4.5 and 5.6 rad: its numbers change their sign where it goes past the shorter way."""
+    top = ball("top", mass=1.0, com=(0.0, 0.0, -0.15), inertia=(8e-3, 8e-3, 1e-3))
+    m = Mechanism([top], [Gravity(), *[JointForce(f"top.w{a}", a) for a in "xyz"]])
+    vi = MidpointVI(m, tolerance=1e-15)
+    x0 = vi.start(m.configuration()).x
+    x0[4:] = size * np.array([0.35, 0.82, 0.33])
+    x1 = vi.core.roll_out(np.array([0.0, 0.05]), x0, None, np.zeros((1, 3)), None).x[1]
+    assert (x0[:4] @ x1[:4] < 0.0) == (size > 0.2)
+    check_step(vi, x0, np.zeros(3), np.random.default_rng(0), step=1e-3)
+
+
 def test_parameters() -> None:
     """Numbers of elements, masses and the length of a step, against differences."""
     m = tumbling(*FORCES, WRENCH, *AT_JOINTS)

@@ -87,7 +87,7 @@ def test_the_gallery_shows_it(script: str) -> None:
 @pytest.mark.parametrize("script", SCRIPTS)
 def test_it_runs_from_the_command_line(script: str, tmp_path: Path) -> None:
     text, output = (EXAMPLES / f"{script}.py").read_text(encoding="utf-8"), tmp_path / "pictures"
-    for package in re.findall(r"control\.bridge\.(?:python_)?\w+|^from dask\b", text, re.MULTILINE):
+    for package in re.findall(r"control\.bridge\.(?:python_)?\w+|^ +from dask\b", text, re.MULTILINE):
         pytest.importorskip(re.split(r"[. _]", package)[-1])
     run = subprocess.run(
         [sys.executable, "-W", "error", EXAMPLES / f"{script}.py", "--out", output],
@@ -103,6 +103,14 @@ def test_it_runs_from_the_command_line(script: str, tmp_path: Path) -> None:
     assert picture.shape[0] > 500
     assert picture.shape[1] > 800
     assert 0.02 < np.mean(picture[:, :, :3].min(axis=2) < 0.9) < 0.5  # neither empty nor full
+
+
+def test_without_dask_it_is_said_what_to_install() -> None:
+    script = EXAMPLES / "32_swing_ups_on_a_cluster.py"
+    code = f"import runpy, sys; sys.modules['dask'] = None; runpy.run_path({str(script)!r})"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert run.returncode != 0
+    assert "pip install 'leastaction[cluster]'" in run.stderr
 
 
 def test_identification(monkeypatch: pytest.MonkeyPatch) -> None:

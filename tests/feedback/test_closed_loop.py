@@ -177,3 +177,7 @@ def test_print_says_what_became_of_a_loop():
     bands = monte_carlo(once, 8)
     assert f"8 runs to t = 0.05 s, {len(bands.failures)} of them ended early" in str(bands)
     assert str(bands).count("\nrun ") == len(bands.failures) > 0
+    with pytest.raises(ArgumentError, match="unknown name 'tehta'; did you mean 'theta'"):
+        run["tehta"]
+    with pytest.raises(ArgumentError, match="unknown name 'tehta'; did you mean 'theta'"):
+        bands["tehta"]

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import signal
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -211,8 +214,39 @@ def test_on_processes_it_is_the_same_and_errors_stand_where_they_belong():
 
 def test_workers_that_die_are_named_and_what_is_done_is_kept(tmp_path):
     pytest.importorskip("joblib")
-    with pytest.raises(SweepError, match="worker processes died"):
-        sweep(deadly, [0.0, 1.0, 2.0, 3.0], workers=2, keep=tmp_path)
+    values = [0.0, 1.0, 3.0, 4.0, 5.0, 2.0]
+    told = r"worker processes died after \d of 6 results: .*with `keep` the sweep goes on"
+    with pytest.raises(SweepError, match=told) as died:
+        sweep(deadly, values, workers=2, keep=tmp_path)
+    assert died.value.done == {i: values[i] for i in died.value.done}
+    seen = []
+    assert sweep(abs, values, workers=1, keep=tmp_path, progress=lambda done, _: seen.append(done)) == values
+    assert seen[0] == len(died.value.done)
+
+
+def test_ctrl_c_keeps_what_is_done(tmp_path):
+    pytest.importorskip("joblib")
+    script = tmp_path / "slowly.py"
+    script.write_text(
+        "import sys, time\n"
+        "from leastaction.control import sweep\n"
+        "def slowly(x):\n"
+        "    time.sleep(0.1)\n"
+        "    return x * x\n"
+        "sweep(slowly, range(200), workers=2, keep=sys.argv[1], progress=lambda done, _: print(done, flush=True))\n"
+    )
+    running = subprocess.Popen(
+        [sys.executable, script, tmp_path / "kept"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    for line in running.stdout:
+        if int(line) == 4:
+            running.send_signal(signal.SIGINT)
+            break
+    assert "KeyboardInterrupt" in running.communicate(timeout=60)[1]
+    seen = []
+    found = sweep(lambda x: x * x, range(200), workers=1, keep=tmp_path / "kept", progress=lambda n, _: seen.append(n))
+    assert found == [x * x for x in range(200)]
+    assert 4 <= seen[0] < 200
 
 
 def test_optima_of_many_starts_are_those_of_each():
@@ -262,6 +296,8 @@ def test_many_motions_are_bands_of_what_chance_may_do():
     vi = MidpointVI(cart_pendulum(), threads=1)
     runs = simulate_many(vi, starts, t)
     bands = runs.bands()
+    assert str(runs) == str(bands)
+    assert str(bands).startswith("64 runs to t = 0.5 s, 0 of them ended early")
     np.testing.assert_array_equal(bands["theta"], runs.x[:, :, 1])
     low, middle, high = bands.quantiles("theta", (0.0, 0.5, 1.0))
     np.testing.assert_array_equal(high, runs.x[:, :, 1].max(axis=0))

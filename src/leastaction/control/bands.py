@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.control.closed_loop import ClosedLoop
-from leastaction.errors import ArgumentError, some
+from leastaction.errors import ArgumentError, some, unknown
 from leastaction.numerics.arrays import Array, as_count, read_only
 from leastaction.numerics.extras import extra
 from leastaction.numerics.public import public
@@ -53,7 +53,7 @@ class LoopBands:
             return np.asarray(self.x[:, :, self.state_names.index(name)])
         if name in self.input_names:
             return np.asarray(self.u[:, :, self.input_names.index(name)])
-        raise ArgumentError(f"{name!r}: got a name of neither state nor input")
+        raise unknown("name", name, (*self.state_names, *self.input_names), "name")
 
     def __str__(self) -> str:
         """Say how many runs there are, where they end, and which of them ended early."""

@@ -19,7 +19,7 @@ from leastaction.control.kalman import check_estimator
 from leastaction.control.plants import Plant, plant_of
 from leastaction.control.predictive import MPC, PredictiveInfo
 from leastaction.control.readings import Measured, Readings, Spread, Stated, covariance, covariance_of_states
-from leastaction.errors import ArgumentError, LeastActionError, some
+from leastaction.errors import ArgumentError, LeastActionError, some, unknown
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, read_only
 from leastaction.numerics.public import public
 from leastaction.numerics.signals import StateLaw, takes_state
@@ -77,7 +77,7 @@ class ClosedLoop:
             return np.asarray(self.x[:, self.state_names.index(name)])
         if name in self.input_names:
             return np.asarray(self.u[:, self.input_names.index(name)])
-        raise ArgumentError(f"{name!r}: got a name of neither state nor input")
+        raise unknown("name", name, (*self.state_names, *self.input_names), "name")
 
     def __str__(self) -> str:
         """Say how far the loop came, where it ended, and what the largest inputs and the estimator came to."""

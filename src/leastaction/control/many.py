@@ -63,6 +63,10 @@ class ManyRuns:
         """Whether none failed."""
         return not self.failures
 
+    def __str__(self) -> str:
+        """Say how many there are, where they end, and which of them failed."""
+        return str(self.bands())
+
     def bands(self) -> LoopBands:
         """Return them by name, with quantiles over all at every instant and pictures of these: what chance may do."""
         system = MidpointSystem(self.integrator, self.t)

@@ -240,3 +240,12 @@ def test_bodies_take_the_place_of_what_the_file_says(tmp_path: Path) -> None:
         loaded(tmp_path, inside, bodies={"hnd": hand})
     with pytest.raises(ArgumentError, match=r"bodies: 'hand'.*Body"):
         loaded(tmp_path, inside, bodies={"hand": 2.0})
+
+
+def test_a_range_that_ends_below_its_beginning_is_told(tmp_path: Path) -> None:
+    turned_round = '<limit lower="1" upper="-1" effort="3" velocity="2"/>'
+    model = loaded(tmp_path, link("a") + link("b") + joint("j", "a", "b", inside=turned_round))
+    assert [str(each) for each in model.left_out] == ["range of the joint 'j': it ends at -1, below where it begins, 1"]
+    assert ("j", "variable") not in bounds(model)
+    unknown = '<limit lower="0" upper="0" effort="3" velocity="2"/>'
+    assert not loaded(tmp_path, link("a") + link("b") + joint("j", "a", "b", inside=unknown)).left_out

@@ -309,7 +309,7 @@ def test_tables_that_are_no_motion(tmp_path: Path) -> None:
     with pytest.raises(MotionFileError, match="bytes that are no text"):
         la.read_motion(path)
     for name, right in (("a.bvh", "read_capture"), ("a.amc", "read_capture"), ("a.c3d", "read_markers")):
-        with pytest.raises(MotionFileError, match=f"is a capture.*`{right}` reads it"):
+        with pytest.raises(MotionFileError, match=rf"is a capture.*`leastaction\.io\.{right}` reads it"):
             la.read_motion(tmp_path / name)
 
 

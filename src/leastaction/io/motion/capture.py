@@ -110,6 +110,17 @@ class Capture:
         """Number of frames."""
         return int(self.values.shape[0])
 
+    def __str__(self) -> str:
+        """Say what is captured, for how long, of which joints, how they turn, and what was missing."""
+        first = self.joints[0]
+        seconds = self.frame_time * (self.n_frames - 1)
+        lines = [
+            f"{self.path}: {self.n_frames} frames of {self.frame_time:.6g} s, {seconds:.4g} s in all",
+            f"root {first.name!r} with {', '.join(first.channels)}",
+            f"{len(self.joint_names)} joints: {', '.join(self.joint_names)}",
+        ]
+        return "\n".join([*lines, *filter(None, [self.describe_gaps()])])
+
     def index(self, name: str) -> int:
         """Index of the joint called `name` in `joints`; raises `ArgumentError` if there is none."""
         if name not in self.names:

@@ -39,7 +39,9 @@ def read_motion(path: str | PathLike[str]) -> Motion:
     kind = Path(path).suffix.lower()
     for endings, reader in (((".bvh", ".amc", ".asf"), "read_capture"), ((".c3d",), "read_markers")):
         if kind in endings:
-            raise MotionFileError(f"{path}: is a capture, expected a table of named variables. `{reader}` reads it")
+            raise MotionFileError(
+                f"{path}: is a capture, expected a table of named variables. `leastaction.io.{reader}` reads it"
+            )
     return read_table_motion(path)
 
 

@@ -81,8 +81,10 @@ class VelocityProjection:
 
 
 def _moved(correction: Mapping[str, float]) -> str:
-    changes = [f"{name!r} {change:+.4g}" for name, change in correction.items() if change]
-    return "changed " + some(changes) if changes else "nothing had to change"
+    changes = [
+        f"{name!r} {change:+.4g}" for name, change in correction.items() if abs(change) > CONFIGURATION_TOLERANCE
+    ]
+    return "changed " + some(changes, 6) if changes else "nothing had to change"
 
 
 def _left(residuals: Mapping[str, float]) -> str:

@@ -14,6 +14,8 @@ from leastaction.numerics.arrays import Array
 
 # Bound on the rounding of an inertia, as a multiple of the unit roundoff and of the terms that it sums.
 ROUNDING = 256.0 * float(np.finfo(np.float64).eps)
+# Distance (m) from the world's origin beyond which rounding may hide the inertia of a turn.
+FAR = 1e4
 # Singular value of normalised factors below which couplings count as dependent.
 DEPENDENT = 1e-9
 
@@ -81,8 +83,18 @@ def check_masses(
                     roots[name] += abs(factor) * bound
             seen |= inertias > np.array([roots[name] for name in variables[:nd]]) ** 2
     for name, has_inertia in zip(variables, seen, strict=False):
-        if not has_inertia:
-            raise _massless(tree, name, "whose point masses all lie on its axis, or whose motions cancel each other")
+        if has_inertia:
+            continue
+        placed = core.joint_poses(samples[:1])[0][:, :3, 3]
+        away = max(
+            float(np.linalg.norm(place)) for j, place in zip(tree.joints, placed, strict=True) if name in j.variables
+        )
+        if away > FAR:
+            raise DescriptionError(
+                f"the inertia that the variable {name!r} moves is lost to rounding: the frame {_frames(tree, [name])} "
+                f"is {away:.3g} m from the world's origin; put the origin near the mechanism"
+            )
+        raise _massless(tree, name, "whose point masses all lie on its axis, or whose motions cancel each other")
 
 
 def _check_couplings(tree: Tree, joints: Sequence[int], rotors: Sequence[Mapping[str, float]]) -> None:

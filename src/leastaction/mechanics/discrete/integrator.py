@@ -14,6 +14,7 @@ class Integrator(ABC):
 
     ``threads``: threads for derivatives over a trajectory; 0: as many as there are cores. ``shares``: how much of a
     force acts at the start and at the end of a step. ``watch``: tells of joints that come near their singularity.
+    ``reels``: whether lengths are prescribed.
     """
 
     mechanism: Mechanism
@@ -21,6 +22,7 @@ class Integrator(ABC):
     threads: int
     shares: tuple[float, float]
     watch: SingularityWatch
+    reels: bool
 
     @abstractmethod
     def like(self, mechanism: Mechanism) -> Integrator:

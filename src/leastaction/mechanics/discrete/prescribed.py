@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from leastaction.mechanics.mechanism.arguments import configuration_on
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.turns import prescribed_rotations, turns_for_quaternions
-from leastaction.numerics.arrays import Array, as_array
-from leastaction.numerics.rotations import exponential, inverse, logarithm, product
+from leastaction.numerics.arrays import Array, as_array, shape_of
+from leastaction.numerics.rotations import continued, exponential, inverse, logarithm, product
 from leastaction.numerics.signals import Signal, signal_rows
 
 Indices = NDArray[np.intp]
@@ -24,11 +24,18 @@ Flags = NDArray[np.bool_]
 def prescribed_rows(m: Mechanism, rho: Signal, t: Array, start: Array) -> Array:
     """Return the places at the ends of steps (N, nq - first_rho), checked.
 
-    ``rho``: as of `simulate`. ``t``: times of the ends. ``start`` (nq,): the first configuration.
+    ``rho``: as of `simulate`. ``t``: times of the ends. ``start`` (nq,): the first configuration, of whose quaternions
+    a first row may have the other sign.
     """
-    first, names = m.first_rho, m.coordinates[m.first_rho :]
-    rows = signal_rows(rho, t, names, "rho", start[first:], extra_row=True)
-    if not prescribed_rotations(m):
+    first, names, rotations = m.first_rho, m.coordinates[m.first_rho :], prescribed_rotations(m)
+    begin = start[first:].copy()
+    if rotations and shape_of(rho) == (len(t) + 1, len(names)):
+        row = as_array(rho, "rho", names=names)[0]
+        for _, place, _ in rotations:
+            here = slice(place, place + 4)
+            begin[here] = continued(np.stack([row[here], begin[here]]))[1]
+    rows = signal_rows(rho, t, names, "rho", begin, extra_row=True)
+    if not rotations:
         return rows
     whole = np.hstack([np.tile(start[:first], (len(rows), 1)), rows])
     return configuration_on(m, whole, "rho")[:, first:]
@@ -58,8 +65,11 @@ def places_of(m: Mechanism) -> tuple[Indices, Flags]:
 
 def inputs_along(m: Mechanism, places: Array) -> Array:
     """Return the inputs (N, nrho) of steps between instants with these places (N+1, nq - first_rho)."""
+    rotations = prescribed_rotations(m)
+    if not rotations:
+        return places[1:]
     u = held(m, places[1:])
-    for _, place, turn in prescribed_rotations(m):
+    for _, place, turn in rotations:
         q = places[:, place : place + 4]
         u[:, turn : turn + 3] = logarithm(product(inverse(q[:-1]), q[1:]))
     return u
@@ -72,9 +82,12 @@ def held(m: Mechanism, places: Array) -> Array:
 
 def reached(m: Mechanism, places: Array, u: Array, share: float = 1.0) -> Array:
     """Return the places (nq - first_rho,) after a share of a step from places under inputs (nrho,)."""
+    rotations = prescribed_rotations(m)
+    if not rotations:
+        return np.asarray(places + share * (u - places))
     out = np.empty_like(places)
     plain = np.ones(len(places), dtype=bool), np.ones(m.nrho, dtype=bool)
-    for _, place, turn in prescribed_rotations(m):
+    for _, place, turn in rotations:
         out[place : place + 4] = product(places[place : place + 4], exponential(share * u[turn : turn + 3]))
         plain[0][place : place + 4] = plain[1][turn : turn + 3] = False
     out[plain[0]] = places[plain[0]] + share * (u[plain[1]] - places[plain[0]])

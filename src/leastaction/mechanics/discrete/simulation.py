@@ -111,7 +111,8 @@ def simulate(
     middle = 0.5 * (times[1:] + times[:-1])
     rows = prescribed_rows(m, rho, times[1:], start.q)
     places = np.vstack([start.q[None, m.first_rho :], rows])
-    check_lengths(m, np.hstack([np.tile(start.q[: m.first_rho], (N, 1)), rows]), times[1:])
+    if vi.reels:
+        check_lengths(m, np.hstack([np.tile(start.q[: m.first_rho], (N, 1)), rows]), times[1:])
     law = inputs if takes_state(inputs) else None
     as_choice(law_at, "law_at", get_args(LawAt))
     forces = None if law is not None else cast(Signal, inputs)

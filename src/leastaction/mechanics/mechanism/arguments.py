@@ -95,8 +95,8 @@ def unit_quaternions(rotation: BallRotation, numbers: Array, what: str) -> Array
     if (off > _UNIT).any():
         raise ArgumentError(
             f"{what}: {', '.join(rotation.quaternion)} are a unit quaternion, scalar first, whose length is 1; got "
-            f"the length {float(length.flat[int(np.argmax(off))]):.6g}. No rotation is 1, 0, 0, 0; an angle a "
-            "about an axis e (of length 1) is cos(a/2), sin(a/2) e"
+            f"the length {float(length.flat[int(np.argmax(off))]):.6g}. No rotation is 1, 0, 0, 0, as is what a "
+            "mapping leaves out; an angle a about an axis e (of length 1) is cos(a/2), sin(a/2) e"
         )
     return np.where(off > _ROUNDING, numbers / length, numbers)
 

@@ -217,6 +217,7 @@ def _inverse(M: Array, what: str, k: int) -> Array:
         if np.abs(found).max(initial=0.0) < _SINGULAR:
             return np.asarray(found / scale)
     raise ArgumentError(
-        f"{what}, and the mass matrix is singular at instant {k} of the wanted motion, as of joints without a mass "
-        "between them; expected weights of momenta, 'p_*', or masses"
+        f"{what}, and the mass matrix is singular at instant {k} of the wanted motion (zero where nothing is "
+        "wanted), as of joints without a mass between them; expected another wanted motion, weights of momenta, 'p_*', "
+        "or masses"
     )

@@ -1,4 +1,4 @@
-"""What is in a file, in words for the terminal and as JSON: a model, a run, a result, a run of an application."""
+"""What is in a file, in words for the terminal and as JSON: a model, a capture, a run, a result."""
 
 from __future__ import annotations
 
@@ -49,12 +49,17 @@ def facts_of(file: str) -> str:
 
 
 def _read(file: str) -> Any:
-    """Return the model, run or result of a file."""
+    """Return the model, capture, run or result of a file."""
     if _is_model(file):
         return model_of(file)
     from leastaction.io import open as open_file
+    from leastaction.io import read_capture
 
-    return open_file(file)
+    return read_capture(file) if _is_capture(file) else open_file(file)
+
+
+def _is_capture(file: str) -> bool:
+    return Path(file).suffix.lower() in (".bvh", ".amc")
 
 
 def _is_model(file: str) -> bool:
@@ -63,7 +68,7 @@ def _is_model(file: str) -> bool:
 
 def _application_of(file: str) -> Application | None:
     """Return the application that wrote a file, if one did."""
-    if _is_model(file):
+    if _is_model(file) or _is_capture(file):
         return None
     from leastaction.numerics.dataset.files import read
 

@@ -35,7 +35,12 @@ def joints_of(element: ET.Element, left_out: list[LeftOut]) -> tuple[JointPart, 
         raise ModelFileError(f"{what}: its axis is zero; expected a direction, such as '0 0 1'")
     if kind == "planar":
         return _planar(name, axis / np.linalg.norm(axis))
-    return (_simple(element, name, kind, axis, what),)
+    joint = _simple(element, name, kind, axis, what)
+    limit = element.find("limit")
+    low, high = number(limit, "lower", 0.0, what), number(limit, "upper", 0.0, what)
+    if kind != "continuous" and low > high:
+        left_out.append(LeftOut(f"range of the joint {name!r}", f"it ends at {high:g}, below where it begins, {low:g}"))
+    return (joint,)
 
 
 def _simple(element: ET.Element, name: str, kind: str, axis: Array, what: str) -> JointPart:

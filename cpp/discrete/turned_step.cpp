@@ -1,0 +1,136 @@
+// What a step does where rotations are quaternions (turning.hpp): apart from newton_step.cpp, whose steps are as quick as without.
+#include <algorithm>
+
+#include "discrete/newton_step.hpp"
+
+namespace leastaction {
+
+namespace {
+
+bool is_free_slide(const Joint& joint, int n_dynamic) {
+    return joint.axis >= Axis::tx && joint.axis <= Axis::tz && joint.simple && joint.variable < n_dynamic;
+}
+
+}  // namespace
+
+void MidpointStep::turn_ends() {
+    const Mechanism& m = *mechanism_;
+    turnings_.clear();
+    std::copy(q2.begin(), q2.begin() + nq_, placed_.begin());
+    for (const Ball& ball : m.balls) {
+        const double *phi = &q2[ball.variable], *start = &q1[ball.quaternion];
+        turnings_.emplace_back(phi);
+        std::fill_n(&q_mid_[ball.variable], 3, 0.0);
+        std::fill_n(&placed_[ball.variable], 3, 0.0);
+        turnings_.back().turn_half(start, &q_mid_[ball.quaternion]);
+        turnings_.back().turn_whole(start, &placed_[ball.quaternion]);
+        std::copy_n(&placed_[ball.quaternion], 4, &q2[ball.quaternion]);
+    }
+}
+
+// From the kernel's coordinates of balls to turns of the ends.
+void MidpointStep::turn_residual() {
+    for (int i = 0; i < nd_; ++i) {
+        residual[i] -= p1[i];
+        raw_start_[i] = residual[i];
+        raw_end_[i] = p2[i];
+    }
+    turn_rows(residual.data(), p2.data(), nd_);
+    for (int i = 0; i < nd_; ++i) residual[i] += p1[i];
+}
+
+void MidpointStep::turn_rows(double* start, double* end, int n) const {
+    for (std::size_t b = 0; b < turnings_.size(); ++b) {
+        const int at = mechanism_->balls[b].variable;
+        if (at < n) turnings_[b].turn_rows(start + at, end + at);
+    }
+}
+
+// dphi = d + phi x s + c phi x (phi x d) with s = beta/2, d = beta.
+void MidpointStep::turn_correction() {
+    for (std::size_t b = 0; b < turnings_.size(); ++b) {
+        const Ball& ball = mechanism_->balls[b];
+        if (!ball.prescribed) turnings_[b].end_to_phi(&correction_[ball.variable]);
+    }
+}
+
+void MidpointStep::make_bends() {
+    for (std::size_t b = 0; b < turnings_.size(); ++b) {
+        const Ball& ball = mechanism_->balls[b];
+        if (ball.prescribed) continue;
+        const double *start = &raw_start_[ball.variable], *end = &raw_end_[ball.variable];
+        const Vec3<double> from{start[0], start[1], start[2]}, to{end[0], end[1], end[2]};
+        bends_[b] = by_ends(turnings_[b].bend(from + to, 0.5 * (to - from)));
+    }
+}
+
+void MidpointStep::add_bends() {
+    make_bends();
+    for (std::size_t b = 0; b < turnings_.size(); ++b) {
+        const int at = mechanism_->balls[b].variable;
+        if (at >= nd_) continue;
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) newton_.M[(at + i) * newton_.stride + at + j] += bends_[b].ab(i, j);
+    }
+}
+
+void MidpointStep::make_ball_turns() {
+    make_bends();
+    for (std::size_t b = 0; b < ball_turns_.size(); ++b) {
+        ball_turns_[b].by_ends = turned_middle_.by_ends(b);
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) ball_turns_[b].more[i][j] = bends_[b].ab(i, j);
+    }
+}
+
+// And half the commutator, u x v of each end.
+Turning::Matrix6 MidpointStep::own_bend(std::size_t b) const {
+    const int at = mechanism_->balls[b].variable;
+    double rows[6];
+    std::copy_n(&raw_start_[at], 3, rows);
+    std::copy_n(&raw_end_[at], 3, rows + 3);
+    turnings_[b].turn_rows(rows, rows + 3);
+    Turning::Matrix6 out = bends_[b];
+    out.aa = out.aa + 0.5 * crossing({rows[0], rows[1], rows[2]});
+    out.bb = out.bb + 0.5 * crossing({rows[3], rows[4], rows[5]});
+    return out;
+}
+
+const PairDerivatives& MidpointStep::kernel_pairs() {
+    if (!turnings_.empty()) {
+        lagrangian_.hessian();
+        factored_at_solution_ = false;
+    }
+    return lagrangian_.pairs;
+}
+
+// Of balls what is left goes on in the world, where a turn of everything moves both ends and the middle alike.
+void MidpointStep::hand_on_turns() {
+    const Mechanism& m = *mechanism_;
+    for (std::size_t b = 0; b < turnings_.size(); ++b) {
+        const Ball& ball = m.balls[b];
+        const int at = ball.variable;
+        if (ball.prescribed) continue;
+        double carried[3];
+        for (int i = 0; i < 3; ++i) {
+            carried[i] = p1[at + i];
+            for (int c = 0; c < nc_; ++c) carried[i] -= C1_[c * nq_ + at + i] * lam[c];
+        }
+        const Vec3<double> torque = turnings_[b].torque(&raw_start_[at], &raw_end_[at]);
+        Vec3<double> in_world = turned(&q1[ball.quaternion], {carried[0], carried[1], carried[2]}) +
+                                turned(&q_mid_[ball.quaternion], torque);
+        // What is left to the slides of a free joint went on along them, which changes its moment.
+        Vec3<double> moved, left;
+        for (int j = m.joints[ball.joint].parent; j >= 0 && is_free_slide(m.joints[j], nd_); j = m.joints[j].parent) {
+            const int i = m.joints[j].variable;
+            const Vec3<double>& along = lagrangian_.at.twist[j].v;
+            moved += (q2[i] - q1[i]) * along;
+            left += residual[i] * along;
+        }
+        in_world = in_world - cross(moved, left);
+        const Vec3<double> in_body = turned(&placed_[ball.quaternion], in_world, -1.0);
+        p2[at] = in_body.x, p2[at + 1] = in_body.y, p2[at + 2] = in_body.z;
+    }
+}
+
+}  // namespace leastaction
