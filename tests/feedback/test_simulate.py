@@ -88,8 +88,16 @@ def test_it_is_the_closed_loop_of_states() -> None:
     np.testing.assert_array_equal(la.simulate(vi, start, None, T, inputs=law, delay=0.04).x, expected.x)
     np.testing.assert_array_equal(la.simulate(vi, [0.1, 0.2], [0.3, 0.0], T, inputs=law, delay=0.04).x, expected.x)
     system = LinearSystem([[1.0, 0.1], [0.0, 1.0]], [[0.0], [0.1]], N=5)
-    run = la.simulate(system, [1.0, 0.0], None, 0.1 * np.arange(6), inputs=lambda t, x: -x[:1])
-    np.testing.assert_array_equal(run.x[1], [1.0, -0.1])
+    for when in ((None, 0.1 * np.arange(6)), (0.1 * np.arange(6),)):
+        run = la.simulate(system, [1.0, 0.0], *when, inputs=lambda t, x: -x[:1])
+        np.testing.assert_array_equal(run.x[1], [1.0, -0.1])
+
+
+def test_times_may_stand_right_after_a_whole_state() -> None:
+    vi = plants()["steps"]
+    start = vi.start([0.1, 0.2], [0.3, 0.0])
+    np.testing.assert_array_equal(la.simulate(vi, start, T).x, vi.simulate(start, T).x)
+    np.testing.assert_array_equal(la.simulate(vi, start, t=T).x, vi.simulate(start, T).x)
 
 
 WRONG = {
@@ -103,10 +111,12 @@ WRONG = {
     "a delay": (lambda vi: la.simulate(vi, [0.0, 0.1], None, T, inputs=[0.0], delay=0.03), "delay: got 0.03 s"),
     "a velocity of a system": (
         lambda _: la.simulate(LinearSystem(np.eye(2), np.eye(2), N=5), [0.0, 0.1], [0.0], T, inputs=[0.0, 0.0]),
-        "v0: got one for a LinearSystem, expected None",
+        "v0: got one beside a LinearSystem, expected None",
     ),
     "no mechanism": (lambda _: la.simulate([], [0.0], None, T, noise=0.1), "dynamics: got list, expected a Mechanism"),
     "inputs": (lambda vi: la.simulate(vi, [0.0, 0.1], None, T, inputs=[0.0, 1.0], seed=0), r"inputs: got shape \(2,\)"),
+    "no times": (lambda vi: la.simulate(vi, [0.0, 0.1], T), "simulate: lacks t"),
+    "a velocity beside a state": (lambda vi: la.simulate(vi, vi.start([0.0, 0.1]), [0.0, 0.0], T), "beside a State"),
     "a name": (lambda vi: la.simulate(vi, [0.0, 0.1], None, T, measure="thet"), "measure: unknown entry .* 'thet'"),
 }  # fmt: skip
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack, cast, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError, KeywordError
+from leastaction.errors import ArgumentError, KeywordError, LackingArgumentError
 from leastaction.mechanics.continuous import simulation as continuous
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics, as_dynamics
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory
@@ -79,8 +79,8 @@ _LOOP = tuple(LoopOptions.__annotations__)
 def simulate(
     dynamics: ContinuousDynamics | Mechanism | MidpointVI | System,
     q0: Row | State,
-    v0: Row | None,
-    t: ArrayLike,
+    v0: Row | None = ...,
+    t: ArrayLike | None = ...,
     *,
     inputs: MPC,
     **options: Unpack[LoopOptions],
@@ -103,8 +103,8 @@ def simulate(  # type: ignore[overload-overlap]
 def simulate(  # type: ignore[overload-overlap]
     dynamics: MidpointVI,
     q0: Row | State,
-    v0: Row | None,
-    t: ArrayLike,
+    v0: Row | None = ...,
+    t: ArrayLike | None = ...,
     *,
     inputs: Signal | StateLaw = ...,
     **options: Unpack[DiscreteOptions],
@@ -115,8 +115,8 @@ def simulate(  # type: ignore[overload-overlap]
 def simulate(
     dynamics: ContinuousDynamics | Mechanism | MidpointVI | System,
     q0: Row | State,
-    v0: Row | None,
-    t: ArrayLike,
+    v0: Row | None = ...,
+    t: ArrayLike | None = ...,
     *,
     inputs: Signal | StateLaw = ...,
     **options: Unpack[LoopOptions],
@@ -127,8 +127,8 @@ def simulate(
 def simulate(
     dynamics: ContinuousDynamics | Mechanism | MidpointVI | System,
     q0: Row | State,
-    v0: Row | None,
-    t: ArrayLike,
+    v0: Row | None = None,
+    t: ArrayLike | None = None,
     *,
     inputs: Any = None,
     **options: Any,
@@ -143,7 +143,8 @@ def simulate(
     q0 : array_like (nq,), mapping of str to float, or State
         Configuration at the start (m or rad), by name what is not given is zero; of a system, its state (nx,).
     v0 : array_like (nv,) or mapping of str to float, optional
-        Velocity at the start (m/s or rad/s). None: at rest; of a system, and with a `State`, always.
+        Velocity at the start (m/s or rad/s). None: at rest. A system's state and a `State` have it: after these the
+        times may stand in its place, ``simulate(vi, start, t)``.
     t : array_like (N+1,)
         Times of the result (s), increasing; the first is that of the start.
     inputs : array_like, callable or MPC, optional
@@ -186,6 +187,14 @@ def simulate(
     >>> bool(abs(run["x"][-1]) < 0.01)
     True
     """
+    whole = isinstance(q0, State) or isinstance(dynamics, System)
+    if t is None:
+        v0, t = (None, cast(ArrayLike, v0)) if whole else (v0, None)
+    if t is None:
+        raise LackingArgumentError("lacks t")
+    if whole and v0 is not None:
+        what = type(q0 if isinstance(q0, State) else dynamics).__name__
+        raise ArgumentError(f"v0: got one beside a {what}, expected None: the state is given whole, as q0")
     own = DiscreteOptions if isinstance(dynamics, MidpointVI) else ContinuousOptions
     for name in options:
         if name not in (known := [*own.__annotations__, *_LOOP]):
@@ -214,12 +223,7 @@ def _closed(dynamics: Any, q0: Any, v0: Row | None, times: Array, inputs: Any, c
     start = q0
     if isinstance(dynamics, MidpointVI):
         start = q0 if isinstance(q0, State) else dynamics.start(q0, v0, t=float(times[0]))
-    elif isinstance(dynamics, System):
-        if v0 is not None:
-            raise ArgumentError(
-                f"v0: got one for a {type(dynamics).__name__}, expected None: its state is given whole, as q0"
-            )
-    else:
+    elif not isinstance(dynamics, System):
         dynamics = MechanismSystem(as_dynamics(dynamics))
         m = dynamics.mechanism
         start = np.concatenate([single(m, q0, "q0"), np.zeros(m.nv) if v0 is None else rates(m, v0, "v0")])
