@@ -21,6 +21,7 @@ from leastaction.identification.result import Identification, Residuals, doubts_
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_count, as_number, read_only, require_instance
+from leastaction.numerics.blas import one_thread
 from leastaction.numerics.public import public
 from leastaction.numerics.warn import warn
 from leastaction.optimal.unknowns.unknown import Parameter
@@ -187,11 +188,12 @@ class _LeastSquares:
             # A search within bounds begins off them.
             room = 1e-9 * np.minimum(1.0 + np.abs(z0), high - low)
             z0 = np.clip(z0, low + room, high - room)
-            found = least_squares(
-                lambda z: both(z)[0], z0, jac=lambda z: both(z)[1],
-                bounds=(low, high), x_scale="jac", ftol=self.tolerance, xtol=self.tolerance, gtol=1e-15,
-                max_nfev=self.most,
-            )  # fmt: skip
+            with one_thread():
+                found = least_squares(
+                    lambda z: both(z)[0], z0, jac=lambda z: both(z)[1],
+                    bounds=(low, high), x_scale="jac", ftol=self.tolerance, xtol=self.tolerance, gtol=1e-15,
+                    max_nfev=self.most,
+                )  # fmt: skip
             self.iterations += int(found.nfev)
             self.converged, self.message = found.status > 0, str(found.message)
             self.values = found.x[:P]

@@ -11,6 +11,7 @@ from leastaction._names import lazily
 
 if TYPE_CHECKING:
     from leastaction.numerics.arrays import Array, as_choice, as_number, read_only, smooth_rise
+    from leastaction.numerics.blas import one_thread
     from leastaction.numerics.files import remove_earlier, write_text
     from leastaction.numerics.frozen import Frozen, restore_state, saved_state
 else:
@@ -18,12 +19,13 @@ else:
         __name__,
         {
             "leastaction.numerics.arrays": "Array as_choice as_number read_only smooth_rise",
+            "leastaction.numerics.blas": "one_thread",
             "leastaction.numerics.files": "remove_earlier write_text",
             "leastaction.numerics.frozen": "Frozen restore_state saved_state",
         },
     )
 
 __all__ = [
-    "Array", "Frozen", "as_choice", "as_number", "read_only", "remove_earlier", "restore_state", "saved_state",
-    "smooth_rise", "write_text",
+    "Array", "Frozen", "as_choice", "as_number", "one_thread", "read_only", "remove_earlier", "restore_state",
+    "saved_state", "smooth_rise", "write_text",
 ]  # fmt: skip

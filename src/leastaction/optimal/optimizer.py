@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from dataclasses import replace
-from functools import cache
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
-from threadpoolctl import ThreadpoolController
 
 from leastaction.errors import ArgumentError, ResidualWarning
 from leastaction.numerics.arrays import Array, as_array, as_count, read_only, require_instance
+from leastaction.numerics.blas import one_thread
 from leastaction.numerics.frozen import changed
 from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.numerics.pool import Pool, copied
@@ -184,7 +183,7 @@ class Optimizer:
                 callback = self._problem.callback(callback)
             elif resume is not None:
                 _check_unknowns(resume, ())
-        with _one_thread() if isinstance(self._problem, _ON_MESH) else _HERE:
+        with one_thread() if isinstance(self._problem, _ON_MESH) else _HERE:
             loop = Loop(self._begun(initial, resume), self.options, callback, resume, self.ways)
             if resume is not None and resume.state is not None and resume.state.run.resolved is not None:
                 resume_within(loop.progress, resume, resume.state)
@@ -374,24 +373,6 @@ def optimized(system: Any, cost: Any, *, initial: Any = None, **stated: Any) -> 
     """Return what `optimize` does, without its warnings: for stages of something else."""
     resume, callback = (stated.pop(name, None) for name in ("resume", "callback"))
     return Optimizer(system, cost, **stated).run_once(initial, resume=resume, callback=callback)
-
-
-def _one_thread() -> AbstractContextManager[object]:
-    """Return a context in which BLAS has one thread.
-
-    More gain nothing on many matrices of a few hundred rows, and wait for each other on a busy machine: such a matrix
-    was factored in 73 ms instead of 1.
-    """
-    context: AbstractContextManager[object] = _libraries().limit(limits=1, user_api="blas")
-    return context
-
-
-@cache
-def _libraries() -> ThreadpoolController:
-    """Return the libraries with threads of their own: to look for them takes as long as an iteration or two."""
-    import scipy.linalg.lapack  # noqa: F401 - which has a BLAS of its own
-
-    return ThreadpoolController()
 
 
 def _check_unknowns(resume: OptimizationResult, names: Sequence[str]) -> None:

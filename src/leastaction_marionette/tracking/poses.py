@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 from leastaction.errors import ArgumentError
 from leastaction.models.marionette import REST, axes_of, hang_strings, heading, turns_of_angles
 from leastaction.models.puppet_controls import ends_of
-from leastaction.numerics import Array
+from leastaction.numerics import Array, one_thread
 from leastaction.optimal import OptimizationResult, Status
 from leastaction_marionette.markers import LIMB_MARKERS
 from leastaction_marionette.tracking.plan import TrackingPlan
@@ -165,7 +165,7 @@ class PoseSearch:
 
         apart = differences(m, start[None, : m.nq], goal[None])[0]
         from_wanted = np.concatenate([apart, start[m.nq :]])
-        with warnings.catch_warnings():
+        with one_thread(), warnings.catch_warnings():
             # Older versions of SciPy tell of a step past a bound by rounding, which they take back.
             warnings.filterwarnings("ignore", "Values in x were outside bounds", RuntimeWarning)
             done = minimize(
