@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from leastaction import MechanismSystem, MidpointSystem, MidpointVI
+from leastaction import Bound, FinalTime, MechanismSystem, MidpointSystem, MidpointVI
 from leastaction.control import bridge
 from leastaction.control.bridge.derivatives import BatchedSystem
 from leastaction.control.bridge.optimal_motion import OptimalMotion
@@ -87,6 +87,14 @@ def test_an_optimum_follows_where_it_begins_and_parameters(swing):
         np.testing.assert_allclose(du[:, :, j], (u1 - u2) / (2 * h), atol=2e-5 * np.abs(du[:, :, j]).max())
         by = (cost.value(x1, u1) - cost.value(x2, u2)) / (2 * h)
         assert dJ[j] == pytest.approx(by, rel=1e-5, abs=1e-6)
+
+
+def test_an_optimum_within_limits_is_not_differentiated(swing):
+    """An active limit changes the derivatives, which are those of an optimum without."""
+    system, cost, _ = swing
+    for stated in ({"limits": [Bound("x-force", -1.0, 1.0)]}, {"free_start": True}, {"unknowns": [FinalTime()]}):
+        with pytest.raises(ArgumentError, match=f"^{next(iter(stated))}: got"):
+            OptimalMotion(system, cost, (), None, stated)
 
 
 def test_jax_differentiates_through_a_whole_optimisation(swing):

@@ -123,7 +123,8 @@ def optimum(
     u : array_like (N, nu), optional
         Inputs to begin each search with; those of the cost's wanted inputs, or zero if left out.
     **settings
-        Of `optimize`, such as ``tolerance``, 1e-9 if left out: derivatives are those at the optimum.
+        Of `optimize`, such as ``tolerance``, 1e-9 if left out: derivatives are those at the optimum. No limits, free
+        starts or unknowns.
 
     Returns
     -------
@@ -136,7 +137,7 @@ def optimum(
     Raises
     ------
     ArgumentError
-        Wrong arguments, or a parameter that the system has not.
+        Wrong arguments, limits, or a parameter that the system has not.
     MissingExtraError
         JAX is not installed.
 

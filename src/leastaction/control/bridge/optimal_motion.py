@@ -19,7 +19,10 @@ from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.discrete.linear_quadratic import adjoint, solve_linear_quadratic
 from leastaction.optimal.discrete.system import DiscreteSystem, derivatives_by, with_parameters
 from leastaction.optimal.optimization import optimize
+from leastaction.optimal.result import Status
 from leastaction.optimal.unknowns.extended import by_differences
+
+_NOT_DIFFERENTIATED = ("limits", "free_start", "unknowns", "initial", "resume", "horizon")
 
 
 def with_values(system: DiscreteSystem, names: Sequence[str], values: Array) -> DiscreteSystem:
@@ -56,6 +59,12 @@ class OptimalMotion:
         if system.charts() is not None:
             raise ArgumentError("system: its states are no plain vectors, expected some that are")
         require_instance(cost, "cost", Cost, "such as a QuadraticCost")
+        for name in _NOT_DIFFERENTIATED:
+            if name in settings:
+                raise ArgumentError(
+                    f"{name}: got {'it' if name != 'limits' else 'some'}, expected none: the derivatives of an optimum "
+                    "are those of one without limits, from a given first state, by `parameters` alone"
+                )
         self.system, self.cost, self.names = system, cost.over(system.N), checked_names(system, parameters)
         wanted = getattr(self.cost, "u_wanted", np.zeros((system.N, system.nu))) if guess is None else guess
         self.guess = as_array(wanted, "u", (system.N, system.nu), meaning="(N, nu)")
@@ -71,7 +80,7 @@ class OptimalMotion:
         """
         system = with_values(self.system, self.names, values)
         found = optimize(system, self.cost, initial=(np.array(x0, dtype=np.float64), self.guess), **self.settings)
-        if not found.success:
+        if found.status is not Status.CONVERGED:
             raise ArgumentError(f"there is no optimum from here to differentiate: {found.message}")
         return np.asarray(found.x), np.asarray(found.u)
 
