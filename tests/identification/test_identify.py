@@ -11,6 +11,7 @@ from scipy.optimize import least_squares
 
 from leastaction.errors import ArgumentError, ResidualWarning
 from leastaction.identification import Experiment, identify
+from leastaction.identification.model import Measured
 from leastaction.mechanics import (
     Damping,
     Distance,
@@ -277,3 +278,24 @@ def test_what_is_wrong_is_named(experiment: dict, parameters: list, message: str
 def test_horizons_grow_to_the_whole(horizons: list[float]) -> None:
     with pytest.raises(ArgumentError, match="horizons"):
         identify(slide(), Experiment(np.linspace(0.0, 1.0, 11), {"x": np.zeros(11)}), ["oil.x"], horizons=horizons)
+
+
+def test_a_start_on_a_string_whose_ends_are_moved_is_free_in_all_that_it_can_move():
+    """A string whose other end and length are given is a condition on the bob alone: four directions in all states."""
+    m = Mechanism(
+        [tx("rail", kinematic=True, name="hook"), tx("x"), [ty("y"), [tz("z", name="bob", mass=1.0)]]],
+        [Gravity(), Distance("hook", "bob", "reel", name="string")],
+    )
+    t = 0.01 * np.arange(11)
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        way = rng.normal(size=3)
+        rail, length = rng.normal(), float(np.linalg.norm(way))
+        q = m.configuration({"x": rail + way[0], "y": way[1], "z": way[2], "rail": rail, "reel": length})
+        inputs = {"rail": rail, "reel": length}
+        seen = Experiment(t, {"x": np.full(11, q[0])}, 0.01, start=(q, np.zeros(m.nv)), inputs=inputs)
+        fit = Measured(seen, MidpointVI(m), ["bob.mass"], 1)
+        Z = fit.directions
+        assert Z.shape == (m.ndx, 4)  # two directions of the bob and as many of its momentum
+        assert not Z[[*range(m.nd, m.nv), *range(m.nv + m.nd, m.ndx)]].any()
+        assert np.linalg.matrix_rank(Z) == 4

@@ -94,9 +94,10 @@ class Measured:
     @property
     def directions(self) -> Array:
         """Directions (ndx, n) in which the start moves; not those of prescribed variables."""
-        Z, m = self.base.start_directions(self.x0, None), self.base.mechanism
-        prescribed = [*range(m.nd, m.nv), *range(m.nv + m.nd, m.ndx)]
-        return np.asarray(Z[:, ~Z[prescribed].any(axis=0)]) if prescribed else Z
+        m = self.base.mechanism
+        prescribed = {*range(m.first_rho, m.nq), *range(m.nq + m.nd, m.nx)}
+        free = [name for i, name in enumerate(self.base.state_names) if i not in prescribed]
+        return self.base.start_directions(self.x0, free if prescribed else None)
 
     def rebase(self, z: Array) -> None:
         """Count coordinates of the start from where they have come to."""
