@@ -87,9 +87,8 @@ class ClosedLoop:
             lines.append("largest inputs " + _by_name(self.input_names, np.abs(self.u).max(axis=0)))
         if self.surprise is not None and np.isfinite(self.surprise).any():
             lines.append(f"mean surprise {np.nanmean(self.surprise):.3g} of {self.y.shape[1]} readings")
-        plans = [
-            info for info in self.infos if isinstance(info, PredictiveInfo)
-        ]  # a controller of one's own says others
+        # A controller of one's own may say something else of its calls.
+        plans = [info for info in self.infos if isinstance(info, PredictiveInfo)]
         if plans:
             missed, slowest = sum(not info.planned for info in plans), 1e3 * max(info.seconds for info in plans)
             lines.append(f"{len(plans)} plans, {missed} of them not found; the slowest took {slowest:.3g} ms")

@@ -25,7 +25,7 @@ from leastaction.numerics.arrays import Array, as_array, as_count, as_times, rea
 from leastaction.numerics.public import public
 from leastaction.systems.midpoint import MidpointSystem
 
-_SAME_MOTION = 1e-6  # m, or a number of a quaternion, by which a step of a motion may end off the next state
+_SAME_MOTION = 1e-6  # distance (m, rad, or of a quaternion's numbers) from a step's end to the next state of a motion
 
 
 @public

@@ -200,6 +200,8 @@ def simulate(
         if name not in (known := [*own.__annotations__, *_LOOP]):
             raise KeywordError(name, ["inputs", *known])
     closing = {name: options.pop(name) for name in _LOOP if name in options}
+    if isinstance(dynamics, MidpointVI) and not isinstance(q0, State):
+        q0, v0 = dynamics.start(q0, v0, t=float(as_times(t)[0])), None
     # What a controller says of itself is of one call, at an instant: it is asked by steps.
     if closing or hasattr(inputs, "info") or isinstance(dynamics, System):
         if options:
@@ -209,8 +211,7 @@ def simulate(
             )
         return _closed(dynamics, q0, v0, as_times(t), inputs, closing)
     if isinstance(dynamics, MidpointVI):
-        start = q0 if isinstance(q0, State) else dynamics.start(q0, v0, t=float(as_times(t)[0]))
-        return checked(MidpointVI.simulate)(dynamics, start, t, inputs=inputs, **options)
+        return checked(MidpointVI.simulate)(dynamics, cast(State, q0), t, inputs=inputs, **options)
     return checked(continuous.simulate)(as_dynamics(dynamics), cast(Row, q0), v0, t, inputs=inputs, **options)
 
 
@@ -221,9 +222,7 @@ def _closed(dynamics: Any, q0: Any, v0: Row | None, times: Array, inputs: Any, c
     from leastaction.systems.continuous import MechanismSystem
 
     start = q0
-    if isinstance(dynamics, MidpointVI):
-        start = q0 if isinstance(q0, State) else dynamics.start(q0, v0, t=float(times[0]))
-    elif not isinstance(dynamics, System):
+    if not isinstance(dynamics, (MidpointVI, System)):
         dynamics = MechanismSystem(as_dynamics(dynamics))
         m = dynamics.mechanism
         start = np.concatenate([single(m, q0, "q0"), np.zeros(m.nv) if v0 is None else rates(m, v0, "v0")])

@@ -22,6 +22,7 @@ from leastaction.optimal.optimization import optimize
 from leastaction.optimal.result import Status
 from leastaction.optimal.unknowns.extended import by_differences
 
+# Settings of `optimize` by which an optimum is another than the implicit function theorem is applied to here.
 _NOT_DIFFERENTIATED = ("limits", "free_start", "unknowns", "initial", "resume", "horizon")
 
 

@@ -5,18 +5,39 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.public import public
 from leastaction.optimal.continuous.cost import ContinuousCost, RateGradient, RateHessian
 from leastaction.optimal.continuous.final_term import FinalTerm
+from leastaction.optimal.cost import clipped
 from leastaction.optimal.prices import CostDerivatives, FunctionPrice, Price, ResidualPrice, parts
 
 
+class PricedCost(ContinuousCost):
+    """A cost by a `Price` of every instant and of the last state. ``jumps``: times (s) where the price jumps."""
+
+    def __init__(self, price: Price, jumps: Sequence[float]) -> None:
+        self.price, self.jumps = price, tuple(as_array(list(jumps), "jumps").ravel().tolist())
+        self.final_term = PricedFinalTerm(price)
+
+    def rate(self, x: Array, u: Array, t: float) -> float:
+        return float(self.price.values(x[None], u[None], [t])[0])
+
+    def own_rates(self, x: Array, u: Array, t: Array) -> Array:
+        return self.price.values(x, u, t.tolist())
+
+    def gradient(self, x: Array, u: Array, t: Array) -> RateGradient:
+        nx, slopes = x.shape[1], self.price.slopes(x, u, t.tolist())
+        return RateGradient(slopes[:, :nx].copy(), slopes[:, nx:].copy())
+
+    def hessian(self, x: Array, u: Array, t: Array) -> RateHessian:
+        return RateHessian(*parts(self.price.bends(x, u, t.tolist()), x.shape[1]))
+
+
 @public
-class ContinuousFunctionCost(ContinuousCost):
+class ContinuousFunctionCost(PricedCost):
     """A cost in continuous time given by functions of one instant; as fit for several threads as they are.
 
     Parameters
@@ -56,25 +77,12 @@ class ContinuousFunctionCost(ContinuousCost):
         nonnegative: bool = False,
         jumps: Sequence[float] = (),
     ) -> None:
-        self.nonnegative, self.jumps = nonnegative, _checked(jumps)
-        self._price = FunctionPrice(rate, final, derivatives, final_derivatives, "rate")
-        self.final_term = PricedFinalTerm(self._price)
-
-    def rate(self, x: Array, u: Array, t: float) -> float:
-        return float(self._price.values(x[None], u[None], [t])[0])
-
-    def own_rates(self, x: Array, u: Array, t: Array) -> Array:
-        return self._price.values(x, u, t.tolist())
-
-    def gradient(self, x: Array, u: Array, t: Array) -> RateGradient:
-        return _gradient(self._price, x, u, t)
-
-    def hessian(self, x: Array, u: Array, t: Array) -> RateHessian:
-        return RateHessian(*parts(self._price.bends(x, u, t.tolist()), x.shape[1]))
+        super().__init__(FunctionPrice(rate, final, derivatives, final_derivatives, "rate"), jumps)
+        self.nonnegative = nonnegative
 
 
 @public
-class ContinuousGaussNewton(ContinuousCost):
+class ContinuousGaussNewton(PricedCost):
     """Half the integral of the square of residuals, ``1/2 int |r(x, u, t)|^2 dt + 1/2 |r_f(x(tf))|^2``.
 
     Its second derivative is that of Gauss and Newton, as of a `GaussNewton`. As fit for several threads as the
@@ -107,21 +115,7 @@ class ContinuousGaussNewton(ContinuousCost):
         derivatives: str = "complex-step",
         jumps: Sequence[float] = (),
     ) -> None:
-        self.jumps = _checked(jumps)
-        self._price = ResidualPrice(residual, final, derivatives)
-        self.final_term = PricedFinalTerm(self._price)
-
-    def rate(self, x: Array, u: Array, t: float) -> float:
-        return float(self._price.values(x[None], u[None], [t])[0])
-
-    def own_rates(self, x: Array, u: Array, t: Array) -> Array:
-        return self._price.values(x, u, t.tolist())
-
-    def gradient(self, x: Array, u: Array, t: Array) -> RateGradient:
-        return _gradient(self._price, x, u, t)
-
-    def hessian(self, x: Array, u: Array, t: Array) -> RateHessian:
-        return RateHessian(*parts(self._price.bends(x, u, t.tolist()), x.shape[1]))
+        super().__init__(ResidualPrice(residual, final, derivatives), jumps)
 
 
 class PricedFinalTerm(FinalTerm):
@@ -140,14 +134,4 @@ class PricedFinalTerm(FinalTerm):
         return self.price.end_bend(x)
 
     def convex_hessian(self, x: Array, t: float) -> Array:
-        values, vectors = np.linalg.eigh(self.hessian(x, t))
-        return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
-
-
-def _gradient(price: Price, x: Array, u: Array, t: Array) -> RateGradient:
-    nx, slopes = x.shape[1], price.slopes(x, u, t.tolist())
-    return RateGradient(slopes[:, :nx].copy(), slopes[:, nx:].copy())
-
-
-def _checked(jumps: Sequence[float]) -> tuple[float, ...]:
-    return tuple(as_array(list(jumps), "jumps").ravel().tolist())
+        return clipped(self.hessian(x, t))
