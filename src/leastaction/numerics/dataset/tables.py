@@ -15,7 +15,6 @@ from leastaction.numerics.dataset.dataset import AnyArray, Column, Dataset, tabl
 from leastaction.numerics.files import write_text
 
 _MOST_BYTES: Final = 2**30
-_MOST_FIELD: Final = 2**17
 _HEADER: Final = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
 _TIMES: Final = ("t", "time", "Time", "TIME", "T")
 
