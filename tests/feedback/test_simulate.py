@@ -173,6 +173,10 @@ def test_a_system_of_ones_own_in_continuous_time_under_a_controller_of_ones_own(
     run = la.simulate(system, [1.0, 0.0], None, 0.1 * np.arange(41), inputs=Law(), noise=1e-3)
     assert run.infos[3] == "asked at 0.3 s"
     assert "40 steps" in str(run)
+    # A solver, whose steps are its own, asks no controller; as a law it would be asked between the instants.
+    for how in ({"inputs": Law()}, {"u": Law()}):
+        with pytest.raises(ArgumentError, match=r"got a controller, Law, .* leastaction\.simulate\("):
+            la.mechanics.simulate(cart_pendulum(), UP[:2], None, T, **how)
     x = np.array([1.0, 0.0])
     for k, y in enumerate(run.y[:-1]):
         u = -2.0 * y[0] - 3.0 * y[1]
