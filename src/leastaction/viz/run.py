@@ -54,9 +54,9 @@ def plot_run(
 
     Parameters
     ----------
-    run : Trajectory, ContinuousTrajectory, OptimizationResult or Played, or a mapping of these
-        What is drawn; `Played` is what a rig did. Several runs by their labels are drawn over each other; names, limits
-        and the time axis are those of the first.
+    run : Trajectory, ContinuousTrajectory, OptimizationResult, Played or ClosedLoop, or a mapping of these
+        What is drawn; `Played` is what a rig did, `ClosedLoop` what a controller made of its plant. Several runs by
+        their labels are drawn over each other; names, limits and the time axis are those of the first.
     names : str or sequence of str, optional
         Of states and inputs, with wildcards, such as ``["theta", "finger.*"]``: variables and inputs if left out; of a
         result that is of no mechanism all states.
