@@ -225,5 +225,6 @@ def test_a_loop_of_no_mechanism_is_saved_and_is_nothing_to_be_shown(tmp_path: Pa
     back = la.open(loop.save(tmp_path / "loop.npz"))
     np.testing.assert_array_equal(back["x[0]"], loop["x[0]"])
     assert back.mechanism is None
+    assert len(plot_run(loop, reference=loop).axes) == 3  # two states and an input, in panels of their own
     with pytest.raises(ArgumentError, match="what a ClosedLoop has over time is no motion of a mechanism"):
         la.show(loop)

@@ -16,6 +16,7 @@ from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.public import public
 from leastaction.optimal.limits.limit import Limit, checked_limits
 from leastaction.optimal.result import OptimizationResult
+from leastaction.systems.closed_loop import ClosedLoop
 from leastaction.systems.rig import Played
 from leastaction.viz.bounds import ACTIVE, LIMIT, DrawnBound, draw_bound, reported_bounds, stated_bounds
 from leastaction.viz.figures import ORANGE, at_least, styled
@@ -110,17 +111,15 @@ def plot_run(
 
 def _shown_by_itself(run: Drawn, states: list[Signal]) -> list[Signal]:
     """Return the states that are drawn if none are named: the variables of a mechanism."""
-    if isinstance(run, OptimizationResult):
-        m = getattr(run.system, "mechanism", None)
-        return states if m is None else states[: m.nq]
-    return states[: run.mechanism.nq]
+    m = getattr(run.system if isinstance(run, OptimizationResult) else run, "mechanism", None)
+    return states if m is None else states[: m.nq]
 
 
 def _wanted(reference: Reference, states: list[Signal], inputs: list[Signal], n: int) -> dict[Key, Signal]:
     """Return the reference by name."""
     if reference is None:
         return {}
-    if isinstance(reference, BaseTrajectory | OptimizationResult | Played):
+    if isinstance(reference, BaseTrajectory | OptimizationResult | Played | ClosedLoop):
         return {signal.key: signal for signal in (*states_of(reference), *inputs_of(reference))}
     pairs = zip(reference, (states, inputs), strict=False) if isinstance(reference, tuple) else [(reference, states)]
     found: dict[Key, Signal] = {}

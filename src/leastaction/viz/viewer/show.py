@@ -167,7 +167,7 @@ def _run_scene(
         traces=traces,
         up=up,
         title=title,
-        tension=acts and acts.tension(),
+        tension=acts.tension() if acts else None,
         arrows=acts.arrows() if acts else (),
     )
 
