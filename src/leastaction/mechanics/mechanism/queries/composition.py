@@ -22,6 +22,8 @@ from leastaction.numerics.jets import Jet
 Group = tuple[int, ...]
 Places = NDArray[np.intp]
 
+_ZERO: Array = np.zeros(())
+
 
 @dataclass(frozen=True)
 class Turns:
@@ -106,11 +108,11 @@ class Composed:
     def __call__(self, directions: Array, weights: Array) -> tuple[Array, Array, Array]:
         """Evaluate; see `Evaluate`."""
         moves = Moves(self.by, self.turns, directions)
-        values, gradients, hessian = 0.0, 0.0, 0.0
+        values, gradients, hessian = _ZERO, _ZERO, _ZERO
         for rest, groups in _ways(len(directions), linear=self.turns is None):
             along = np.array([moves.value(group) for group in groups]).reshape(-1, len(self.by))
             value, gradient, second = self.inner(along, weights)
-            values = values + (0.0 if rest else self.factor * value)
+            values = values if rest else values + self.factor * value
             gradients = gradients + gradient @ (self.factor * moves.slope(rest))
             if self.turns is not None:
                 hessian = hessian + moves.bend(rest, self.factor * (weights @ gradient))
@@ -141,7 +143,7 @@ class PushedBack:
         # Axes: quaternions, rows of z, rows of y, entries of y.
         orders = _orders(jets, count, self.turns.y.shape)
         own, other, both = 0, 1 << count, 3 << count
-        values, gradients, hessian = 0.0, 0.0, 0.0
+        values, gradients, hessian = _ZERO, _ZERO, _ZERO
         for some in _subsets(range(count)):
             rest = [i for i in range(count) if i not in some]
             key = sum(1 << i for i in some)
