@@ -15,7 +15,7 @@ from leastaction.numerics.arrays import Array, as_array, as_choice, read_only
 from leastaction.numerics.calls import called
 from leastaction.numerics.differences import central_differences, complex_step
 from leastaction.numerics.tracing import TracedFunction
-from leastaction.optimal.functions import sized
+from leastaction.optimal.functions import as_complex, sized
 
 CostDerivatives = Callable[..., tuple[Any, Any]] | Literal["jax", "complex-step"]
 
@@ -225,12 +225,7 @@ def _stepped(value: Callable[[Any], Any], y: Array, what: str) -> Array:
     """Return a gradient by the complex step."""
 
     def at(moved: Any) -> Any:
-        found = np.asarray(called(value, what, moved))
-        if not np.iscomplexobj(found):
-            raise ArgumentError(
-                f"{what}: got a real result for complex arguments, so the complex step sees no derivative. Build it of "
-                "NumPy functions of the arguments, without float(), or give `derivatives`"
-            )
+        found = as_complex(what, called(value, what, moved), "derivatives")
         _number(what, found.real)
         return found
 

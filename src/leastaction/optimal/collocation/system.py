@@ -11,8 +11,7 @@ import numpy as np
 from leastaction.errors import LeastActionError, StepError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.collocation.charts import in_charts, space_on_mesh
-from leastaction.optimal.collocation.layout import ORDER, PLACE, NodeLayout
-from leastaction.optimal.collocation.mesh import MATRIX, STAGES, RadauMesh
+from leastaction.optimal.collocation.mesh import MATRIX, ORDER, PLACE, STAGES, NodeLayout, RadauMesh
 from leastaction.optimal.collocation.piece import (
     Factors,
     factored,

@@ -189,10 +189,7 @@ class ContinuousExtension:
     def _check(self, x: Array, curve: DenseTrajectory) -> None:
         """Ask for the derivatives by the unknowns, so that what they cannot be found for is said before the first step.
 
-        Raises
-        ------
-        ArgumentError
-            From the system.
+        Raises `ArgumentError`: from the system.
         """
         self.system.start_directions(x, None)
         with suppress(LeastActionError):  # The start need not be a trajectory.
