@@ -105,7 +105,7 @@ def _weighted(f: Callable[[Any, Any, Any], Any], nx: int, y: Any, when: Any, z: 
 
 
 def as_complex(name: str, value: Any, instead: str) -> Any:
-    """Return what a function returned for complex arguments, or complain of a real result; ``instead``: what to give."""
+    """Return what a function returned for complex arguments; complain of a real result. ``instead``: what to give."""
     found = np.asarray(value)
     if not np.iscomplexobj(found):
         raise ArgumentError(
