@@ -10,12 +10,27 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, brief
 from leastaction.numerics.arrays import Array
-from leastaction.numerics.calls import called
 from leastaction.numerics.differences import central_differences, complex_step
 from leastaction.numerics.tracing import TracedFunction
 
 Derivatives = Callable[[Array, Array, Any], tuple[Any, Any]] | Literal["jax", "complex-step", "finite-differences"]
 Curvature = Callable[[Array, Array, Any, Array], Any] | Literal["jax", "differences"]
+
+
+def called(function: Callable[..., Any], what: str, *arguments: Any) -> Any:
+    """Return what a user's function returns; what it raises passes, but where it cannot be called with the arguments.
+
+    ``what``: what it is, for the message.
+    """
+    try:
+        return function(*arguments)
+    except TypeError as error:
+        traceback = error.__traceback__
+        if traceback is not None and traceback.tb_next is not None:
+            raise
+        raise ArgumentError(
+            f"{what}: got {brief(repr(function))}, expected a function of {len(arguments)} arguments: {error}"
+        ) from error
 
 
 class Functions:

@@ -12,10 +12,9 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, brief
 from leastaction.numerics.arrays import Array, as_array, as_choice, read_only
-from leastaction.numerics.calls import called
 from leastaction.numerics.differences import central_differences, complex_step
 from leastaction.numerics.tracing import TracedFunction
-from leastaction.optimal.functions import as_complex, sized
+from leastaction.optimal.functions import as_complex, called, sized
 
 CostDerivatives = Callable[..., tuple[Any, Any]] | Literal["jax", "complex-step"]
 

@@ -11,11 +11,10 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_places, read_only
-from leastaction.numerics.calls import called
 from leastaction.numerics.differences import central_differences, complex_step
 from leastaction.numerics.names import as_names, matching, some_names
 from leastaction.numerics.public import public
-from leastaction.optimal.functions import as_complex, sized
+from leastaction.optimal.functions import as_complex, called, sized
 
 Instants = np.ndarray[tuple[int], np.dtype[np.intp]]
 """Whole numbers: indices of instants, or places in a vector."""

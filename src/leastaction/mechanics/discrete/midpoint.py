@@ -17,12 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction import _core
-from leastaction.errors import (
-    ArgumentError,
-    CoarseStepWarning,
-    StepError,
-    closest,
-)
+from leastaction.errors import ArgumentError, CoarseStepWarning, StepError, closest
 from leastaction.mechanics.configuration.assembly import (
     CONFIGURATION_TOLERANCE,
     VELOCITY_TOLERANCE,

@@ -19,7 +19,7 @@ from leastaction.optimal.continuous.content import ContinuousContent
 from leastaction.optimal.continuous.horizon import first_mesh
 from leastaction.optimal.result import OptimizationResult, dataset_of
 
-_FIRST_PIECES = 16
+_FIRST_PIECES = 16  # pieces in which functions of time are first sampled
 
 
 @public
