@@ -248,9 +248,7 @@ class Extended(System):
 
 
 def told_in_own_states(
-    given: Callback | None,
-    own: Callable[[Array], Array],
-    result: Callable[[OptimizationResult], OptimizationResult],
+    given: Callback | None, own: Callable[[Array], Array], result: Callable[[OptimizationResult], OptimizationResult]
 ) -> Callback | None:
     """Return a callback that calls the given one with the system's own states.
 

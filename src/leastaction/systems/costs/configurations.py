@@ -26,12 +26,7 @@ class CostOfConfigurations(AddedCost):
     """
 
     def __init__(
-        self,
-        cost: Cost,
-        what: str,
-        system: MidpointSystem,
-        wanted: Collection[str] = (),
-        weights: Collection[str] = (),
+        self, cost: Cost, what: str, system: MidpointSystem, wanted: Collection[str] = (), weights: Collection[str] = ()
     ) -> None:
         for name in weights:
             if name not in wanted:
