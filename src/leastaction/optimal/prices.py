@@ -30,11 +30,11 @@ class Price(ABC):
         """Return what each point costs (n,)."""
 
     @abstractmethod
-    def slopes(self, x: Array, u: Array, when: Sequence[float]) -> Array:
+    def gradients(self, x: Array, u: Array, when: Sequence[float]) -> Array:
         """Return its first derivatives (n, m)."""
 
     @abstractmethod
-    def bends(self, x: Array, u: Array, when: Sequence[float]) -> Array:
+    def hessians(self, x: Array, u: Array, when: Sequence[float]) -> Array:
         """Return its second derivatives (n, m, m), symmetric."""
 
     @abstractmethod
@@ -42,11 +42,11 @@ class Price(ABC):
         """Return what the last state (nx,) costs."""
 
     @abstractmethod
-    def end_slope(self, x: Array) -> Array:
+    def end_gradient(self, x: Array) -> Array:
         """Return its gradient (nx,)."""
 
     @abstractmethod
-    def end_bend(self, x: Array) -> Array:
+    def end_hessian(self, x: Array) -> Array:
         """Return its second derivatives (nx, nx), symmetric."""
 
 
@@ -78,7 +78,7 @@ class FunctionPrice(Price):
             return self._traced(x.shape[1]).derivative(0, np.hstack([x, u]), np.asarray(when))
         return np.array([_number(self.what, called(self.function, self.what, *at)) for at in _points(x, u, when)])
 
-    def slopes(self, x: Array, u: Array, when: Sequence[float]) -> Array:
+    def gradients(self, x: Array, u: Array, when: Sequence[float]) -> Array:
         n = x.shape[1] + u.shape[1]
         if self.derivatives == "jax":
             found = self._traced(x.shape[1]).derivative(1, np.hstack([x, u]), np.asarray(when))
@@ -87,7 +87,7 @@ class FunctionPrice(Price):
             return np.stack([self._given(*at)[0] for at in _points(x, u, when)])
         return np.stack([_stepped(value, y, self.what) for value, y in self._joined(x, u, when)])
 
-    def bends(self, x: Array, u: Array, when: Sequence[float]) -> Array:
+    def hessians(self, x: Array, u: Array, when: Sequence[float]) -> Array:
         if self.derivatives == "jax":
             H = self._traced(x.shape[1]).derivative(2, np.hstack([x, u]), np.asarray(when))
         elif callable(self.derivatives):
@@ -106,7 +106,7 @@ class FunctionPrice(Price):
             return float(self._end_compiled.derivative(0, x))
         return _number("final", called(self.final, "final", x))
 
-    def end_slope(self, x: Array) -> Array:
+    def end_gradient(self, x: Array) -> Array:
         if self.final is None:
             return np.zeros(len(x))
         if self._end_compiled is not None:
@@ -115,7 +115,7 @@ class FunctionPrice(Price):
             return _pair(called(self.final_derivatives, "final_derivatives", x), "final_derivatives", len(x))[0]
         return _stepped(self.final, x, "final")
 
-    def end_bend(self, x: Array) -> Array:
+    def end_hessian(self, x: Array) -> Array:
         if self.final is None:
             return np.zeros((len(x), len(x)))
         if self._end_compiled is not None:
@@ -156,10 +156,10 @@ class ResidualPrice(Price):
         residuals = [self._at(*at) for at in _points(x, u, when)]
         return np.array([0.5 * float(r @ r) for r in residuals])
 
-    def slopes(self, x: Array, u: Array, when: Sequence[float]) -> Array:
+    def gradients(self, x: Array, u: Array, when: Sequence[float]) -> Array:
         return np.stack([self._at(*at) @ self._jacobian(*at) for at in _points(x, u, when)])
 
-    def bends(self, x: Array, u: Array, when: Sequence[float]) -> Array:
+    def hessians(self, x: Array, u: Array, when: Sequence[float]) -> Array:
         J = np.array([self._jacobian(*at) for at in _points(x, u, when)])
         return np.asarray(J.swapaxes(1, 2) @ J)
 
@@ -167,10 +167,10 @@ class ResidualPrice(Price):
         r = self._last(x)
         return 0.5 * float(r @ r)
 
-    def end_slope(self, x: Array) -> Array:
+    def end_gradient(self, x: Array) -> Array:
         return np.asarray(self._last(x) @ self._of_last(x))
 
-    def end_bend(self, x: Array) -> Array:
+    def end_hessian(self, x: Array) -> Array:
         J = self._of_last(x)
         return np.asarray(J.T @ J)
 

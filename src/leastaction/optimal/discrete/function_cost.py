@@ -27,11 +27,13 @@ class StagePricedCost(Cost):
         return self.price.end(x)
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
-        nx, slopes = x.shape[1], self.price.slopes(x[:-1], u, range(len(u)))
-        return CostGradient(slopes[:, :nx].copy(), slopes[:, nx:].copy(), self.price.end_slope(x[-1]))
+        nx, gradients = x.shape[1], self.price.gradients(x[:-1], u, range(len(u)))
+        return CostGradient(gradients[:, :nx].copy(), gradients[:, nx:].copy(), self.price.end_gradient(x[-1]))
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
-        return CostHessian(*parts(self.price.bends(x[:-1], u, range(len(u))), x.shape[1]), self.price.end_bend(x[-1]))
+        return CostHessian(
+            *parts(self.price.hessians(x[:-1], u, range(len(u))), x.shape[1]), self.price.end_hessian(x[-1])
+        )
 
 
 @public
