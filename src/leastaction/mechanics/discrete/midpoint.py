@@ -32,9 +32,9 @@ from leastaction.mechanics.discrete import step_sensitivity as of_steps
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.outcome import step_error
 from leastaction.mechanics.discrete.prescribed import held, reached, step_to
-from leastaction.mechanics.discrete.step import Step
 from leastaction.mechanics.discrete.trajectory import (
     State,
+    Step,
     Trajectory,
     check_state,
     state_in,
