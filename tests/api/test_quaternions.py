@@ -190,9 +190,8 @@ def test_what_has_no_angle_is_refused(what: str) -> None:
 
 
 def test_a_joint_is_turned_and_held_by_its_name() -> None:
-    m = Mechanism(
-        [free("hull", mass=1.0, inertia=(0.1, 0.2, 0.3)), [ball("arm", mass=1.0, inertia=(0.1, 0.1, 0.1))]], []
-    )
+    solid = {"mass": 1.0, "inertia": (0.1, 0.2, 0.3)}
+    m = Mechanism([free("hull", **solid), [ball("arm", **solid)]], [])
     turned = m.configuration({"hull": [0.8, 0.6, 0.0, 0.0], "hull.z": 2.0})
     np.testing.assert_array_equal(turned, [0.0, 0.0, 2.0, 0.8, 0.6, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
     np.testing.assert_array_equal(MidpointVI(m).start({"hull": [0.8, 0.6, 0.0, 0.0], "hull.z": 2.0}).q, turned)
@@ -202,7 +201,7 @@ def test_a_joint_is_turned_and_held_by_its_name() -> None:
     ):
         with pytest.raises(ArgumentError, match=match):
             m.configuration({"hull": wrong})
-    tree = [ball("upper", mass=1.0, com=(0.5, 0, 0)), [la.tx(1.0), [ball("lower", mass=1.0), [la.tx(1.0, name="end")]]]]
+    tree = [ball("upper", **solid), [la.tx(1.0), [ball("lower", **solid), [la.tx(1.0, name="end")]]]]
     chain = Mechanism(tree, [la.PointToPoint("end", "world", "z")])
     guess = chain.configuration({"upper": [0.96, 0.0, 0.28, 0.0]})
     held = la.project_configuration(chain, guess, hold=["upper"]).q
@@ -211,7 +210,7 @@ def test_a_joint_is_turned_and_held_by_its_name() -> None:
 
 
 def test_between_its_instants_an_optimised_motion_has_rotations() -> None:
-    """On a mesh that is still coarse, polynomials between its points are off the length of quaternions by a thousandth."""
+    """On a mesh that is still coarse, polynomials between its points are off the length of quaternions."""
     m = Mechanism([ball("hull", mass=1.0, inertia=(0.2, 0.3, 0.4))], [JointForce(f"hull.w{a}", a) for a in "xyz"])
     system, still = la.MechanismSystem(m), np.array([1.0, 0, 0, 0, 0, 0, 0])
     over = np.array([0.1, np.sqrt(0.99), 0, 0, 0, 0, 0])
