@@ -97,16 +97,16 @@ class MissingTurn:
 def quaternions_of(given: Orientation, what: str, t: Array) -> Array:
     """Return the unit quaternions (1, 4) or (n, 4) of an orientation that is wanted at times t (n,).
 
-<<<<<<< HEAD
+    <<<<<<< HEAD
     ``given``: matrices or quaternions, one, or where there are several times one for each; or a function of the time.
 
     Raises
     ------
     ArgumentError
         What is no rotation.
-=======
+    =======
     Raises `ArgumentError`: what is no rotation.
->>>>>>> main
+    >>>>>>> main
     """
     one, means = ((3, 3), (4,)), "a matrix or a unit quaternion, scalar first"
     if callable(given):
