@@ -29,6 +29,7 @@ TAKEN_BY = (
 ELSEWHERE = {
     # What a run or a search returns, made by what is walked.
     "ContinuousTrajectory",
+    "ClosedLoop",
     "StepDerivatives",
     "OptimizationResult",
     "Identification",
