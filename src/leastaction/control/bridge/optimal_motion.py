@@ -127,9 +127,9 @@ class OptimalMotion:
             dx[k + 1, :, nx:] += drift[k]
         by = np.zeros((nx + P, system.nx + P))  # directions of x_0 by its numbers
         by[:nx, : system.nx], by[nx:, system.nx :] = self.space.changes(first), np.eye(P)
-        moved = self.space.plus_derivative(x) @ dx @ by
-        moved[0] = np.eye(system.nx, system.nx + P)
-        return moved, du @ by, np.concatenate([z[0], np.einsum("ki,kij->j", weights, drift)]) @ by
+        by_numbers: Array = self.space.plus_derivative(x) @ dx @ by
+        by_numbers[0] = np.eye(system.nx, system.nx + P)
+        return by_numbers, du @ by, np.concatenate([z[0], np.einsum("ki,kij->j", weights, drift)]) @ by
 
     def _by_parameters(
         self, system: DiscreteSystem, x: Array, u: Array, z: Array, values: Array
