@@ -5,6 +5,8 @@
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/tuple.h>
 
+#include <algorithm>
+
 #include "arrays.hpp"
 #include "optimal/barrier.hpp"
 #include "optimal/limit_prices.hpp"
@@ -133,6 +135,47 @@ void settle(const Values& y, const Values& slack, double mu, const Result& out) 
     settle_multipliers(static_cast<std::ptrdiff_t>(y.size()), y.data(), slack.data(), mu, out.data());
 }
 
+// Entries of states or inputs, each of which is a value of a limit: where it is in these, and where among all limits.
+struct Entries {
+    const Places& places;
+    const Values& factors;
+    const Places& at;
+
+    Entries(const Places& places, const Values& factors, const Places& at, std::size_t size, std::size_t limits)
+        : places(places), factors(factors), at(at) {
+        for (const std::size_t count : {factors.size(), at.size()}) expect(count, places.size(), "of entries");
+        within(places, size, "places");
+        within(at, limits, "at");
+    }
+    template <class With>
+    void each(const With& with) const {
+        for (std::size_t i = 0; i < places.size(); ++i) with(i, places.data()[i], factors.data()[i], at.data()[i]);
+    }
+};
+
+void take_entries(const In<2>& z, const Places& places, const Values& factors, const std::optional<Values>& bounds,
+                  const Places& at, const Result& out) {
+    if (bounds) expect(bounds->size(), places.size(), "bounds");
+    Entries(places, factors, at, z.size(), out.size()).each([&](std::size_t i, auto place, double factor, auto to) {
+        out.data()[to] = factor * z.data()[place] - (bounds ? bounds->data()[i] : 0.0);
+    });
+}
+
+using Rows = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+void add_entries(const std::optional<In<2>>& to, const Places& places, const Values& factors, const Values& values,
+                 const Places& at, const Rows& out) {
+    if (to) expect(to->size(), out.size(), "to");
+    if (to)
+        std::copy_n(to->data(), out.size(), out.data());
+    else
+        std::fill_n(out.data(), out.size(), 0.0);
+    Entries(places, factors, at, out.size(), values.size())
+        .each([&](std::size_t, auto place, double factor, auto from) {
+            out.data()[place] += factor * values.data()[from];
+        });
+}
+
 using Matrices = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
 void add_rows(const In<3>& J, const In<2>& sigma, const std::optional<In<3>>& bent, const Places& k,
@@ -188,6 +231,11 @@ void bind_barrier(nb::module_& m) {
           "Writes which entries hold the motion back.");
     m.def("settle_duals", &settle, "y"_a, "slack"_a, "mu"_a, "out"_a,
           "Writes duals, or those of the barrier where they have not come near them.");
+    m.def(
+        "take_entries", &take_entries, "z"_a, "places"_a, "factors"_a, "bounds"_a.none(), "at"_a, "out"_a,
+        "Writes entries of states or inputs, times their factors, less their bounds, to where they are among limits.");
+    m.def("add_entries", &add_entries, "to"_a.none(), "places"_a, "factors"_a, "values"_a, "at"_a, "out"_a,
+          "Writes states or inputs, or zeros, with factors times values of limits added at their entries.");
     m.def("add_limit_rows", &add_rows, "jacobian"_a, "sigma"_a, "bent"_a.none(), "k"_a, "places"_a, "to"_a,
           "Adds J' sigma J - bent of every one of n stages at some places of matrices of stages k.");
 }

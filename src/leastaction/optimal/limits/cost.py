@@ -99,7 +99,7 @@ class LimitedCost:
         """Return the gradient of the cost less the duals times the limits, given that of the cost."""
         q, r, q_final = gradient
         r = self.of_inputs.pulled(duals, r)
-        if self.others or self.of_states.places.size:
+        if self.others or self.of_states.are_some:
             whole = empty((len(q) + 1, self.nx))
             whole[:-1], whole[-1] = q, q_final
             whole = self.of_states.pulled(duals, whole)
