@@ -6,6 +6,7 @@
 #include <nanobind/stl/tuple.h>
 
 #include <algorithm>
+#include <vector>
 
 #include "arrays.hpp"
 #include "optimal/barrier.hpp"
@@ -135,46 +136,54 @@ void settle(const Values& y, const Values& slack, double mu, const Result& out) 
     settle_multipliers(static_cast<std::ptrdiff_t>(y.size()), y.data(), slack.data(), mu, out.data());
 }
 
-// Entries of states or inputs, each of which is a value of a limit: where it is in these, and where among all limits.
-struct Entries {
-    const Places& places;
-    const Values& factors;
-    const Places& at;
-
-    Entries(const Places& places, const Values& factors, const Places& at, std::size_t size, std::size_t limits)
-        : places(places), factors(factors), at(at) {
-        for (const std::size_t count : {factors.size(), at.size()}) expect(count, places.size(), "of entries");
-        within(places, size, "places");
-        within(at, limits, "at");
-    }
-    template <class With>
-    void each(const With& with) const {
-        for (std::size_t i = 0; i < places.size(); ++i) with(i, places.data()[i], factors.data()[i], at.data()[i]);
-    }
-};
-
-void take_entries(const In<2>& z, const Places& places, const Values& factors, const std::optional<Values>& bounds,
-                  const Places& at, const Result& out) {
-    if (bounds) expect(bounds->size(), places.size(), "bounds");
-    Entries(places, factors, at, z.size(), out.size()).each([&](std::size_t i, auto place, double factor, auto to) {
-        out.data()[to] = factor * z.data()[place] - (bounds ? bounds->data()[i] : 0.0);
-    });
-}
-
 using Rows = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
-void add_entries(const std::optional<In<2>>& to, const Places& places, const Values& factors, const Values& values,
-                 const Places& at, const Rows& out) {
-    if (to) expect(to->size(), out.size(), "to");
-    if (to)
-        std::copy_n(to->data(), out.size(), out.data());
-    else
+// Limits that are entries of states or inputs, times factors: where each is in these, and where among all limits.
+class EntryRows {
+public:
+    EntryRows(const Places& places, const Values& factors, const Values& bounds, const Places& at) {
+        for (const std::size_t count : {factors.size(), bounds.size(), at.size()})
+            expect(count, places.size(), "of entries");
+        for (std::size_t i = 0; i < places.size(); ++i) {
+            const std::int64_t place = places.data()[i], where = at.data()[i];
+            if (place < 0 || where < 0) throw std::invalid_argument("no such entry");
+            all_.push_back({static_cast<std::size_t>(place), static_cast<std::size_t>(where), factors.data()[i],
+                            bounds.data()[i]});
+            size_ = std::max(size_, all_.back().place + 1);
+            limits_ = std::max(limits_, all_.back().at + 1);
+        }
+    }
+    void values(const In<2>& z, const Result& out) const {
+        check(z.size(), out.size());
+        for (const Entry& e : all_) out.data()[e.at] = e.factor * z.data()[e.place] - e.bound;
+    }
+    void along(const In<2>& dz, const Result& out) const {
+        check(dz.size(), out.size());
+        for (const Entry& e : all_) out.data()[e.at] = e.factor * dz.data()[e.place];
+    }
+    void pull(const In<2>& gradient, const Values& y, const Rows& out) const {
+        expect(gradient.size(), out.size(), "the gradient");
+        check(out.size(), y.size());
+        std::copy_n(gradient.data(), out.size(), out.data());
+        for (const Entry& e : all_) out.data()[e.place] -= e.factor * y.data()[e.at];
+    }
+    void weigh(const Values& sigma, const Rows& out) const {
+        check(out.size(), sigma.size());
         std::fill_n(out.data(), out.size(), 0.0);
-    Entries(places, factors, at, out.size(), values.size())
-        .each([&](std::size_t, auto place, double factor, auto from) {
-            out.data()[place] += factor * values.data()[from];
-        });
-}
+        for (const Entry& e : all_) out.data()[e.place] += e.factor * e.factor * sigma.data()[e.at];
+    }
+
+private:
+    struct Entry {
+        std::size_t place, at;
+        double factor, bound;
+    };
+    void check(std::size_t size, std::size_t limits) const {
+        if (size < size_ || limits < limits_) throw std::invalid_argument("too few states, inputs or limits");
+    }
+    std::vector<Entry> all_;
+    std::size_t size_ = 0, limits_ = 0;  // what they need at least
+};
 
 using Matrices = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
@@ -231,11 +240,14 @@ void bind_barrier(nb::module_& m) {
           "Writes which entries hold the motion back.");
     m.def("settle_duals", &settle, "y"_a, "slack"_a, "mu"_a, "out"_a,
           "Writes duals, or those of the barrier where they have not come near them.");
-    m.def(
-        "take_entries", &take_entries, "z"_a, "places"_a, "factors"_a, "bounds"_a.none(), "at"_a, "out"_a,
-        "Writes entries of states or inputs, times their factors, less their bounds, to where they are among limits.");
-    m.def("add_entries", &add_entries, "to"_a.none(), "places"_a, "factors"_a, "values"_a, "at"_a, "out"_a,
-          "Writes states or inputs, or zeros, with factors times values of limits added at their entries.");
+    nb::class_<EntryRows>(m, "EntryRows", "Limits that are entries of states or inputs, times factors.")
+        .def(nb::init<const Places&, const Values&, const Values&, const Places&>(), "places"_a, "factors"_a,
+             "bounds"_a, "at"_a)
+        .def("values", &EntryRows::values, "z"_a, "out"_a, "Writes their values to where they are among limits.")
+        .def("along", &EntryRows::along, "dz"_a, "out"_a, "Writes the changes of these along a direction.")
+        .def("pull", &EntryRows::pull, "gradient"_a, "y"_a, "out"_a,
+             "Writes a gradient by states or inputs less duals times derivatives.")
+        .def("weigh", &EntryRows::weigh, "sigma"_a, "out"_a, "Writes the diagonals of their stiffness.");
     m.def("add_limit_rows", &add_rows, "jacobian"_a, "sigma"_a, "bent"_a.none(), "k"_a, "places"_a, "to"_a,
           "Adds J' sigma J - bent of every one of n stages at some places of matrices of stages k.");
 }

@@ -464,7 +464,7 @@ def adjoint_along(
         _core.sweep_adjoint(A, B, K, *gradient, z, pattern, by_inputs)
     except (AttributeError, TypeError, ValueError):
         return adjoint(A, B, K, *gradient, pattern=pattern)
-    return z if isfinite(np.add.reduce(z[0])) else adjoint(A, B, K, *gradient, pattern=pattern)
+    return z if isfinite(z[0].dot(z[0])) else adjoint(A, B, K, *gradient, pattern=pattern)
 
 
 def _dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:

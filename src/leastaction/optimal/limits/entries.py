@@ -39,34 +39,33 @@ class EntryRows:
                 factors.append(np.broadcast_to(each.sign * quantity.factors, each.bounds.shape).ravel())
                 bounds.append((each.sign * each.bounds).ravel())
         self.places, self.factors, self.bounds = np.concatenate(places), np.concatenate(factors), np.concatenate(bounds)
-        self.pulls, self.squares = -self.factors, self.factors**2
         self.columns = np.unique(self.places % width)  # of those that have entries
         self.first = int(self.places.min(initial=np.iinfo(np.intp).max))  # of the places that have entries
         self.at = np.concatenate(at)  # where they are among all
-        self.are_some = len(self.places) > 0
+        self.core = _core.EntryRows(self.places, self.factors, self.bounds, self.at) if len(self.places) else None
 
     def values(self, z: Array, to: Sided) -> None:
         """Put the values c (n, m) at states or inputs to those of all rows."""
-        if self.are_some:
-            _core.take_entries(z, self.places, self.factors, self.bounds, self.at, to.flat)
+        if self.core is not None:
+            self.core.values(z, to.flat)
 
     def along(self, dz: Array, to: Sided) -> None:
         """Put the changes dc (n, m) along changes of states or inputs to those of all rows."""
-        if self.are_some:
-            _core.take_entries(dz, self.places, self.factors, None, self.at, to.flat)
+        if self.core is not None:
+            self.core.along(dz, to.flat)
 
     def pulled(self, y: Sided, gradient: Array) -> Array:
         """Return a gradient by states or inputs less ``y . dc``; itself where there are no such rows."""
-        if not self.are_some:
+        if self.core is None:
             return gradient
         less: Array = empty(gradient.shape)
-        _core.add_entries(gradient, self.places, self.pulls, y.flat, self.at, less)
+        self.core.pull(gradient, y.flat, less)
         return less
 
     def hessian(self, sigma: Sided, shape: tuple[int, int]) -> Array | None:
         """Return the diagonals of ``dc' sigma dc`` by states or inputs; None where there are no such rows."""
-        if not self.are_some:
+        if self.core is None:
             return None
         diagonals: Array = empty(shape)
-        _core.add_entries(None, self.places, self.squares, sigma.flat, self.at, diagonals)
+        self.core.weigh(sigma.flat, diagonals)
         return diagonals

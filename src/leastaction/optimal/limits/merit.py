@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import isfinite
 
 import numpy as np
 
@@ -247,7 +248,7 @@ class BarrierMerit(Merit):
             return min(length, 1.0)  # further than its end the model rises
         if direction.limited is None:
             return length
-        if length <= 1.0 and np.isfinite(direction.reach):
+        if length <= 1.0 and isfinite(direction.reach):
             return min(length, direction.reach)
         dc = Sided(direction.limited, self.limited.layout)
         fall, least = direction.slope, 0.5 * direction.slope
