@@ -94,8 +94,9 @@ class Oriented(Limit):
     Parameters
     ----------
     frame : str
-    rotation : array_like (3, 3) or (N+1, 3, 3), or callable
-        The rotation that is wanted: its columns are the frame's axes in the world. Or a function of the time (s).
+    rotation : array_like (3, 3), (4,), (N+1, 3, 3) or (N+1, 4), or callable
+        The rotation that is wanted: a matrix whose columns are the frame's axes in the world, or a unit quaternion,
+        scalar first. Or a function of the time (s).
     within : float, optional
         The largest angle (rad) by which it may be missed, below half a turn. If left out, it is met: three equations.
     at : str, int, float or sequence, optional

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -54,9 +55,15 @@ def check_same_names(theirs: Compiled, ours: Compiled, what: str, advice: str = 
         raise ArgumentError(f"{what}: it is of {theirs!r} with other names, expected one of {ours!r}{advice}")
 
 
-def configuration_by_name(m: Compiled, values: Mapping[str, float], what: str = "q", rest: float = 0.0) -> Array:
+def configuration_by_name(m: Compiled, values: Mapping[str, ArrayLike], what: str = "q", rest: float = 0.0) -> Array:
     """Return a configuration (nq,) from values by name, with quaternions of no rotation where they are not given."""
-    return configuration_on(m, row_by_name(values, what, m.coordinates, rest, unturned(m)), what)
+    plain: dict[str, Any] = dict(values)
+    for rotation in m.tree.rotations:
+        if rotation.name in plain:
+            told = f"{what}: the value of {rotation.name!r}"
+            four = as_array(plain.pop(rotation.name), told, (4,), meaning="a unit quaternion, scalar first")
+            plain.update(zip(rotation.quaternion, four, strict=True))
+    return configuration_on(m, row_by_name(plain, what, m.coordinates, rest, unturned(m)), what)
 
 
 def unturned(m: Compiled) -> dict[str, float]:

@@ -10,13 +10,7 @@ from leastaction.optimal.discrete.charts import read_at
 from leastaction.optimal.discrete.cost import CostGradient
 from leastaction.optimal.discrete.descent import escape, minimise_model
 from leastaction.optimal.discrete.hessians import ModelHessian, shifted
-from leastaction.optimal.discrete.linear_quadratic import (
-    Law,
-    LinearQuadraticSolution,
-    Workspace,
-    adjoint_along,
-    swept,
-)
+from leastaction.optimal.discrete.linear_quadratic import Law, LinearQuadraticSolution, Workspace, adjoint_along, swept
 from leastaction.optimal.discrete.own_projection import OwnProjection
 from leastaction.optimal.discrete.system import DiscreteSystem, linearized
 from leastaction.optimal.iterates.direction import DiscreteDirection, ModelMinimum

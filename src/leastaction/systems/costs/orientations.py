@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost
@@ -66,9 +65,9 @@ class OrientationCost(CostOfConfigurations):
         Such as a `QuadraticCost`.
     system : MidpointSystem
         Whose frames are meant.
-    orientations : mapping of str to array_like (3, 3) or (N+1, 3, 3), or callable
-        Rotations that are wanted of frames, by their names: the columns are the frame's axes in the world. Or a
-        function of the time (s).
+    orientations : mapping of str to array_like (3, 3), (4,), (N+1, 3, 3) or (N+1, 4), or callable
+        Rotations that are wanted of frames, by their names: matrices whose columns are the frame's axes in the world,
+        or unit quaternions, scalar first. Or a function of the time (s).
     weights : mapping of str to float or array_like (3,)
         By the same names, in units of the cost by rad^2: of turns about all axes of the frame, or about x, y, z. 1 if
         left out.
@@ -87,12 +86,7 @@ class OrientationCost(CostOfConfigurations):
         weights: Mapping[str, ArrayLike] | None = None,
     ) -> None:
         given = {} if weights is None else weights
-        for name in given:
-            if name not in orientations:
-                known = closest(name, list(orientations), what="names of orientations")
-                raise ArgumentError(f"weights: {name!r} has no orientation that is wanted; {known}")
-        super().__init__(cost, "orientations", system)
-        self.system = system
+        super().__init__(cost, "orientations", system, orientations, given)
         self._wanted = {
             name: quaternions_of(each, f"orientations: {name!r}", system.t) for name, each in orientations.items()
         }
@@ -100,10 +94,7 @@ class OrientationCost(CostOfConfigurations):
         self._turns()  # an unknown frame is told here
 
     def own_window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
-        system = self.system.window(start, stop)
-        assert isinstance(system, MidpointSystem)
-        other = self._beside(self.cost.window(start, stop, N=N, nu=nu), stop - start)
-        other.system = system
+        other = self._over(start, stop, N, nu)
         other._wanted = {
             name: each if len(each) == 1 else each[start : stop + 1] for name, each in self._wanted.items()
         }
