@@ -112,12 +112,12 @@ bool unenforced(const Places& other, const Values& y, const Values& prices) {
     return some_unenforced(static_cast<std::ptrdiff_t>(entries), other.data(), y.data(), prices.data());
 }
 
-double largest_product(const Places& column, const Values& y, const Values& of_columns) {
+double largest_product(const Places& column, const Values& y, const Values& scale) {
     expect(column.size(), y.size(), "of entries");
-    within(column, of_columns.size(), "column");
+    within(column, scale.size(), "column");
     double largest = 0.0;
     for (std::size_t e = 0; e < y.size(); ++e)
-        largest = std::max(largest, y.data()[e] * of_columns.data()[column.data()[e]]);
+        largest = std::max(largest, y.data()[e] * scale.data()[column.data()[e]]);
     return largest;
 }
 
@@ -234,8 +234,8 @@ void bind_barrier(nb::module_& m) {
         "limit needs a higher price, and the highest and the lowest of an excess of its scale.");
     m.def("some_unenforced", &unenforced, "other"_a, "y"_a, "prices"_a,
           "Whether the price of some entry does not enforce its limit.");
-    m.def("largest_product", &largest_product, "column"_a, "y"_a, "of_columns"_a,
-          "The largest product of an entry and what its column has; 0 where none is positive.");
+    m.def("largest_product", &largest_product, "column"_a, "y"_a, "scale"_a,
+          "The largest product of an entry and the scale of its column; 0 where none is positive.");
     m.def("active_limits", &active, "column"_a, "scale"_a, "y"_a, "least"_a, "hardly"_a, "out"_a,
           "Writes which entries hold the motion back.");
     m.def("settle_duals", &settle, "y"_a, "slack"_a, "mu"_a, "out"_a,
