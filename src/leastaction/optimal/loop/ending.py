@@ -22,8 +22,8 @@ _COARSE = (
 _BARRED = "The cost falls towards motions in which a step of time has no solution, and the search ended before one."
 _RESOLVED = 0.5
 
-# Iterations by which the speed of a run is told, at most and at least, and the part of the expected decrease that each of
-# a fast one leaves.
+# Iterations by which the speed of a run is told, at most and at least; the part of the expected decrease that each of a
+# fast one leaves.
 _LOOKED_BACK, _TELLING, _FAST = 10, 3, 0.9
 
 
