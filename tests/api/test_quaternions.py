@@ -237,22 +237,6 @@ def test_a_quaternion_has_length_one() -> None:
     assert MidpointVI(m).start(q).q[3] == 1.0
 
 
-def test_what_is_not_there_says_so() -> None:
-    m = floater()
-    q, v = m.configuration(), np.zeros(m.nv)
-    vi = MidpointVI(m)
-    asked: list[Callable[[], Any]] = [
-        lambda: m.lagrangian(q, v),
-        lambda: m.potential(q),
-        lambda: m.frame_pose_derivative(q, "hand"),
-        lambda: m.frame_jacobian_derivative(q, "hand", order=2),
-        lambda: vi.discrete_lagrangian(q, q, 0.1),
-    ]
-    for ask in asked:
-        with pytest.raises(ArgumentError, match=r"a rotation is a quaternion"):
-            ask()
-
-
 def test_numbers_may_be_given_by_name_wherever_one_row_is_taken() -> None:
     base = la.free("base", mass=1.0, inertia=(1.0, 2.0, 3.0))
     mechanism = la.Mechanism([base, [la.rx("hip", mass=1.0, com=(0, 0, -1))]], [la.JointForce("hip", input="torque")])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction import _core
-from leastaction.errors import NOT_YET, ArgumentError, unknown
+from leastaction.errors import ArgumentError, unknown
 from leastaction.mechanics.description.tree import BallRotation, Tree
 from leastaction.mechanics.elements import Element, Parts
 from leastaction.numerics.arrays import Array, Row, as_array, row_by_name, shape_of
@@ -115,15 +115,6 @@ def of_unit_length(m: Compiled, q: Array) -> Array:
         first = m.coordinates.index(rotation.quaternion[0])
         out[:, first : first + 4] /= np.linalg.norm(out[:, first : first + 4], axis=1, keepdims=True)
     return out
-
-
-def angles_only(m: Compiled, what: str) -> None:
-    """Raise where a rotation is a quaternion, for what is not done, or has no meaning, without angles."""
-    if m.tree.rotations:
-        raise ArgumentError(
-            f"{what}: not yet for a mechanism in which a rotation is a quaternion, as that of "
-            f"{m.tree.rotations[0].name!r}; give the joint angles, axes='xyz'; {NOT_YET}"
-        )
 
 
 def inputs_of(m: Compiled, inputs: ArrayLike | None, what: str = "inputs") -> Array:
