@@ -91,9 +91,9 @@ void energies_along(const Midpoint& integrator, int steps, const double* t, cons
         const double *x = X + static_cast<std::size_t>(k) * at.nx, *next = x + at.nx;
         const double dt = t[k + 1] - t[k];
         at.start(x, U + static_cast<std::size_t>(k) * at.nu, t[k], at.share(k, dt, first_share), step);
-        at.finish(step, next);
         std::copy_n(lam + static_cast<std::size_t>(k) * at.nc, at.nc, step.lam.begin());
         if (at.nk > 0) step.place_start();
+        at.finish_nearer(step, next, dt);
         step.evaluate_middle(dt);
         noted.note(step, dt, x + at.nqx, rows + static_cast<std::size_t>(k) * EnergyRows::width);
     }

@@ -78,6 +78,19 @@ struct Layout {
             for (int i = 0; i < 3; ++i) phi[i] *= angle > 0 ? other : 1.0;
         }
     }
+    // The same by the way that meets the step's equations better, with the multipliers that are known.
+    void finish_nearer(MidpointStep& step, const double* next, double dt) const {
+        finish(step, next);
+        if (!changes_sign(step, next)) return;
+        step.place_start();
+        const double missed = step.mismatch(dt);
+        finish(step, next, true);
+        if (!(step.mismatch(dt) < missed)) finish(step, next);
+    }
+    bool changes_sign(const MidpointStep& step, const double* next) const {
+        return std::ranges::any_of(m.balls,
+                                   [&](const Ball& b) { return !b.prescribed && changes_sign(step, b, next); });
+    }
     static bool changes_sign(const MidpointStep& step, const Ball& ball, const double* next) {
         const double *a = &step.q1[ball.quaternion], *b = next + ball.place;
         return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] < 0;
@@ -135,7 +148,7 @@ struct Layout {
             return step.solve(dt, true).status == StepStatus::converged;
         };
         bool done = solved(false);
-        if (std::ranges::any_of(m.balls, [&](const Ball& b) { return !b.prescribed && changes_sign(step, b, next); })) {
+        if (changes_sign(step, next)) {
             const double none = std::numeric_limits<double>::infinity(), missed = done ? distance(step, next) : none;
             if (missed > same_motion) {
                 done = solved(true);

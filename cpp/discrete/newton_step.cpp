@@ -233,6 +233,12 @@ double MidpointStep::largest_residual(const std::vector<double>& scale) const {
     return out;
 }
 
+double MidpointStep::mismatch(double dt) {
+    place_prescribed();
+    evaluate(dt);
+    return largest_residual(residual_scale);
+}
+
 void MidpointStep::add_elements() {
     const Mechanism& m = *mechanism_;
     std::fill(f_.begin(), f_.end(), 0.0);

@@ -95,6 +95,8 @@ public:
     bool guess_limit(double dt);
     // After guess_limit() and a solution: s at (q1, q2).
     double judge(double dt);
+    // After place_start(): the largest relative residual at (q2, lam).
+    double mismatch(double dt);
     // The most that an angle moves from q1 to q2, and the variable.
     double largest_turn() const;
     int most_turned() const;

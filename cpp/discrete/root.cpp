@@ -41,6 +41,7 @@ constexpr double straight_past_infinity = 0.01;  // and of this part, where s go
 constexpr double nothing_left = 1e-9;            // rad or m: a correction below this contracts by rounding alone
 constexpr double least_part = 1.0 / 1024;        // of the time step, to go on along the path
 constexpr int max_corrections = 8;
+constexpr double largest_log2 = 1000.0;  // of s, a product over all joints, so that its sign is never lost
 
 }  // namespace
 
@@ -177,7 +178,7 @@ double MidpointStep::determinant_ratio(double dt) {
     const NewtonMatrix::Determinant at = newton_.determinant();
     s_is_by_constraints_ = at.sign_of_M == limit_.sign_of_M;
     const double log2 = limit_.log2 - at.log2 - (nd_ - newton_.independent()) * std::log2(dt);
-    return limit_.sign * at.sign * std::exp2(log2);
+    return limit_.sign * at.sign * std::exp2(std::clamp(log2, -largest_log2, largest_log2));
 }
 
 // From the solution for a time step `from` to that for `to`, both parts of dt.

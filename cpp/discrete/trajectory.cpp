@@ -85,7 +85,7 @@ void judge_worst(MidpointStep& step, const Layout& at, double t, double dt, doub
     at.start(x, u, t, share, step);
     step.place_start();
     if (!step.guess_limit(dt)) return;
-    at.finish(step, end);
+    at.finish(step, end, true);
     worst.s = step.judge(dt);
 }
 

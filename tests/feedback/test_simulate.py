@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import pickle
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -13,6 +16,7 @@ from leastaction.mechanics import ContinuousDynamics, Feedback
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.optimal import LinearSystem
 from leastaction.optimal.continuous import FunctionContinuousSystem
+from leastaction.viz import plot_energy, plot_run
 
 T = 0.02 * np.arange(101)
 UP = np.array([0.0, np.pi, 0.0, 0.0])
@@ -173,8 +177,54 @@ def test_a_system_of_ones_own_in_continuous_time_under_a_controller_of_ones_own(
     run = la.simulate(system, [1.0, 0.0], None, 0.1 * np.arange(41), inputs=Law(), noise=1e-3)
     assert run.infos[3] == "asked at 0.3 s"
     assert "40 steps" in str(run)
+    # A solver, whose steps are its own, asks no controller; as a law it would be asked between the instants.
+    for how in ({"inputs": Law()}, {"u": Law()}):
+        with pytest.raises(ArgumentError, match=r"got a controller, Law, .* leastaction\.simulate\("):
+            la.mechanics.simulate(cart_pendulum(), UP[:2], None, T, **how)
     x = np.array([1.0, 0.0])
     for k, y in enumerate(run.y[:-1]):
         u = -2.0 * y[0] - 3.0 * y[1]
         x = np.array([x[0] + 0.1 * x[1] + 0.005 * u, x[1] + 0.1 * u])
         np.testing.assert_allclose(run.x[k + 1], x, atol=1e-8)
+
+
+@pytest.mark.parametrize("kind", ["steps", "continuous"])
+def test_a_loop_is_saved_read_pickled_shown_and_drawn(kind: str, tmp_path: Path) -> None:
+    model = la.MidpointSystem(la.MidpointVI(cart_pendulum(), threads=1), T)
+    kalman = la.KalmanFilter(model, measure=["x", "theta"], noise=1e-3, process={"p_*": 0.01}, x=UP, spread=0.05)
+    loop = la.simulate(
+        plants()[kind], [0.0, np.pi + 0.05], None, T[:11], inputs=predictive(), measure=["x", "theta"], noise=1e-3,
+        delay=0.02, estimator=kalman,
+    )  # fmt: skip
+    for ending in ("npz", "h5"):
+        pytest.importorskip("h5py" if ending == "h5" else "numpy")
+        back = la.open(loop.save(tmp_path / f"loop.{ending}"))
+        assert isinstance(back, ClosedLoop)
+        for name in ("t", "x", "u", "y", "estimates", "surprise"):
+            np.testing.assert_array_equal(getattr(back, name), getattr(loop, name))
+        assert back.infos == loop.infos
+        assert str(back) == str(loop)
+        assert (back.units, back.reading_names) == (loop.units, ("x", "theta"))
+    assert pickle.loads(pickle.dumps(loop)).mechanism is not None
+    # What names states and readings is told apart: an instant, four states, an input and two readings are a line.
+    header, first = loop.save(tmp_path / "loop.csv").read_text().splitlines()[:2]
+    assert "y.theta" in header
+    assert len(first.split(",")) == 8
+    (scene,) = la.show(loop).scenes
+    assert scene.t[-1] == loop.t[-1]
+    assert len(scene.t) >= 11
+    panels = plot_run(loop, ["theta", "x-force"]).axes
+    assert [panel.get_title(loc="left") for panel in panels] == ["theta", "x-force"]
+    with pytest.raises(ArgumentError, match="a closed loop did, which has no multipliers"):
+        plot_energy(loop)
+
+
+def test_a_loop_of_no_mechanism_is_saved_and_is_nothing_to_be_shown(tmp_path: Path) -> None:
+    system = LinearSystem([[1.0, 0.1], [0.0, 1.0]], [[0.0], [0.1]], N=5)
+    loop = la.simulate(system, [1.0, 0.0], 0.1 * np.arange(6), inputs=lambda t, x: -x[:1])
+    back = la.open(loop.save(tmp_path / "loop.npz"))
+    np.testing.assert_array_equal(back["x[0]"], loop["x[0]"])
+    assert back.mechanism is None
+    assert len(plot_run(loop, reference=loop).axes) == 3  # two states and an input, in panels of their own
+    with pytest.raises(ArgumentError, match="what a ClosedLoop has over time is no motion of a mechanism"):
+        la.show(loop)

@@ -102,6 +102,15 @@ def test_a_file_of_before_the_coarsest_step_was_known(result: OptimizationResult
     assert len(back.history.worst_t) == ITERATIONS
 
 
+def test_a_file_whose_options_switch_off_ways_that_are_none_any_more(
+    result: OptimizationResult, tmp_path: Path
+) -> None:
+    settings = result.settings.changed(without=["easing"])
+    path = save_result(tmp_path / "a.npz", dataclasses.replace(result, settings=settings))
+    rewrite(path, lambda text, _: text["content"]["settings"].update(without=["given", "easing", "prices"]))
+    assert load_result(path).settings == settings
+
+
 def test_an_optimisation_goes_on_from_its_file(tmp_path: Path) -> None:
     whole = optimize(SYSTEM, COST, initial=START)
     half = optimize(SYSTEM, COST, initial=START, max_iterations=2)

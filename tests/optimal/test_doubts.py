@@ -6,9 +6,11 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from leastaction.costs import OrientationCost
 from leastaction.errors import CoarseStepWarning, EnergyBalanceWarning, ResidualWarning
-from leastaction.mechanics import Damping, Gravity, JointForce, JointSpring, Mechanism, MidpointVI, rx, tx, tz
+from leastaction.mechanics import Damping, Gravity, JointForce, JointSpring, Mechanism, MidpointVI, ball, rx, tx, tz
 from leastaction.optimal import Optimizer, Parameter, QuadraticCost, Status, optimize
 from leastaction.systems import MidpointSystem
 
@@ -48,6 +50,24 @@ def test_a_minimum_on_coarse_steps_says_so() -> None:
         run = vi.simulate(vi.start(result.x[0, :2]), system.t, inputs=result.u)
     assert run.balance is not None
     assert run.balance.complaint == vi.balance(result.trajectory).complaint
+
+
+def test_a_ball_that_turns_far_within_a_step_is_doubted() -> None:
+    """A body at rest is to be turned along a curve past half a turn: it turns back by 156 degrees in one step."""
+    t = np.linspace(0.0, 2.0, 81)
+    body = [ball("b", mass=1.0, inertia=(0.1, 0.1, 0.1), name="body")]
+    m = Mechanism(body, [JointForce(f"b.w{axis}", input=axis) for axis in "xyz"])
+    vi = MidpointVI(m, threads=1)
+    system, x0 = MidpointSystem(vi, t), vi.start(m.configuration()).x
+    cost = QuadraticCost(np.tile(x0, (81, 1)), np.zeros((80, 3)), Q=np.zeros(6), R=[1e-3] * 3, space=system)
+    wanted = Rotation.from_rotvec(np.outer(0.95 * np.pi * t, [0.0, 0.0, 1.0])).as_matrix()
+    missing = OrientationCost(cost, system, {"body": wanted}, {"body": 100.0})
+    with pytest.warns(CoarseStepWarning, match=r"'b\.wz' moved by 2\.7.* more than a right angle"):
+        result = optimize(system, missing, initial=(x0, np.zeros((80, 3))))
+    assert "more than a right angle" in result.message
+    # A start that turns along has nothing to be doubted: warnings are errors here.
+    begun = vi.start(m.configuration(), {"b.wz": 0.95 * np.pi}).x
+    assert optimize(system, missing, initial=(begun, np.zeros((80, 3)))).status is Status.CONVERGED
 
 
 def test_steps_that_are_short_enough_are_not_doubted() -> None:

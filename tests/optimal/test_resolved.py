@@ -9,9 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from leastaction.costs import OrientationCost
 from leastaction.io.results import load_result, save_result
-from leastaction.mechanics import Gravity, JointForce, Mechanism, MidpointVI, rx, ty, tz
+from leastaction.mechanics import Gravity, JointForce, Mechanism, MidpointVI, ball, rx, ty, tz
 from leastaction.optimal import Bound, OptimizationResult, QuadraticCost, Status, WindowSystem, optimize
 from leastaction.systems import MidpointSystem
 
@@ -68,6 +70,21 @@ def test_a_minimum_among_motions_that_the_steps_of_time_resolve_says_so() -> Non
     assert again.status is Status.RESOLVED
     assert again.message == result.message
     np.testing.assert_array_equal(again.x, result.x)
+
+
+def test_it_leads_on_where_steps_so_long_have_no_derivatives() -> None:
+    """A body at rest is to be turned along a curve past half a turn, where the way that is missing changes its side."""
+    t = np.linspace(0.0, 2.0, 41)
+    body = [ball("b", mass=1.0, inertia=(0.1, 0.1, 0.1), name="body")]
+    m = Mechanism(body, [JointForce(f"b.w{axis}", input=axis) for axis in "xyz"])
+    vi = MidpointVI(m, threads=1)
+    system, x0 = MidpointSystem(vi, t), vi.start(m.configuration()).x
+    cost = QuadraticCost(np.tile(x0, (41, 1)), np.zeros((40, 3)), Q=np.zeros(6), R=[1e-3] * 3, space=system)
+    wanted = Rotation.from_rotvec(np.outer(0.95 * np.pi * t, [0.0, 0.0, 1.0])).as_matrix()
+    missing = OrientationCost(cost, system, {"body": wanted}, {"body": 100.0})
+    result = optimize(system, missing, initial=(x0, np.zeros((40, 3))))
+    assert result.status is Status.RESOLVED, result.message
+    assert "'b.wz' would turn further within step" in result.message
 
 
 def test_the_limit_is_dropped_where_it_holds_nothing_back() -> None:

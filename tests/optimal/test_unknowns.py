@@ -343,6 +343,24 @@ def test_the_shortest_time_from_poor_guesses(way: float, push: float, guess: flo
     assert result.unknowns["final time"] == pytest.approx(2.0 * np.sqrt(way / push), rel=1e-6)
 
 
+def test_multipliers_of_limits_that_could_not_be_met_are_not_begun_with() -> None:
+    """A time that is too short ends INFEASIBLE; with a time that is free it goes on from there as from its motion."""
+    m = la.Mechanism(
+        [la.ty("cart", mass=2.0), [la.rx("pole"), [la.tz(-1.0, mass=1.0)]]],
+        [la.Gravity(), la.JointForce("cart", input="push")],
+    )
+    system = MidpointSystem(la.MidpointVI(m, threads=1), np.linspace(0.0, 0.6, 61))
+    limits = [Bound("push", -5.0, 5.0), Equal(["cart", "pole"], [1.0, 0.0]), Equal("*", 0.0, of="momentum")]
+    cost = nothing_wanted(system, Q=[0.0] * 4, R=[1e-3])
+    short = optimize(system, cost, initial=rest(system), limits=limits)
+    assert short.status is Status.INFEASIBLE
+    free = {"limits": limits, "unknowns": [FinalTime(price=1.0)]}
+    found, same = (optimize(system, cost, initial=start, **free) for start in (short, (short.x, short.u)))
+    assert found.status is Status.CONVERGED
+    assert found.unknowns["final time"] == pytest.approx(2.027, abs=1e-3)
+    assert found.iterations == same.iterations
+
+
 @pytest.mark.parametrize(("angle", "T"), [(0.1, 3.191469), (0.2, 2.497400), (0.3, 2.248846)])
 def test_the_shortest_time_of_a_cart_whose_pole_may_hardly_swing(angle: float, T: float) -> None:
     m = la.Mechanism(

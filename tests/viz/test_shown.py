@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import leastaction
+from api.saving_cases import played
 from leastaction import (
     Body,
     Distance,
@@ -189,6 +190,15 @@ def test_every_ready_mechanism_can_be_shown(name: str) -> None:
 def test_tendons_run_over_their_points() -> None:
     m = hand()
     assert any(len(cord.via) > 1 for cord in only(show(m, q=posture(m, 0.5))).cords)
+
+
+def test_what_a_rig_did_moves() -> None:
+    run = played()
+    scene = only(show(run))
+    places = run.mechanism.positions(run.q, ["bob"])[:, 0]
+    assert places[-1] == pytest.approx(scene.points["bob"][-1])
+    assert places[0] == pytest.approx(scene.points["bob"][0])
+    assert np.abs(places[-1] - places[0]).max() > 1e-3
 
 
 def test_what_cannot_be_shown() -> None:

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.control.closed_loop import ClosedLoop
 from leastaction.errors import ArgumentError, some, unknown
 from leastaction.numerics.arrays import Array, as_count, read_only
 from leastaction.numerics.extras import extra
 from leastaction.numerics.public import public
+from leastaction.systems.closed_loop import ClosedLoop
 
 _DEPTHS = {"all": 0.2, "90 %": 0.4, "50 %": 0.6}  # share of the colour in each band, of how many runs
 

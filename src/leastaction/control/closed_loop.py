@@ -8,8 +8,7 @@ moves the plant.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,86 +16,19 @@ from numpy.typing import ArrayLike
 
 from leastaction.control.kalman import check_estimator
 from leastaction.control.plants import Plant, plant_of
-from leastaction.control.predictive import MPC, PredictiveInfo
+from leastaction.control.predictive import MPC
 from leastaction.control.readings import Measured, Readings, Spread, Stated, covariance, covariance_of_states
-from leastaction.errors import ArgumentError, LeastActionError, some, unknown
+from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, read_only
 from leastaction.numerics.public import public
 from leastaction.numerics.signals import StateLaw, takes_state
 from leastaction.optimal.system import System
+from leastaction.systems.closed_loop import ClosedLoop
 
 Disturbance = Spread | Callable[[float, Array], ArrayLike] | None
 """What moves the state at the end of each step: standard deviations as of noise, or a function of time and state."""
 
 _MULTIPLE = 1e-6  # of a step by which a delay may be off a multiple
-
-
-@public
-@dataclass(frozen=True, eq=False)
-class ClosedLoop:
-    """What happened in a closed loop.
-
-    Attributes
-    ----------
-    t : ndarray (n+1,)
-        Instants that were reached (s).
-    x : ndarray (n+1, nx)
-        States of the plant.
-    u : ndarray (n, nu)
-        Inputs that were given.
-    y : ndarray (n+1, ny)
-        Readings, when they were taken.
-    estimates : ndarray (n, nx') or None
-        States that the controller was given, where there is an estimator.
-    surprise : ndarray (n,) or None
-        The estimator's normalised innovations squared; NaN before the first reading has arrived.
-    infos : tuple
-        What the controller says of each call (`PredictiveInfo` of an `MPC`); empty of a law.
-    state_names, input_names : tuple of str
-    failure : str or None
-        Why the loop ended early.
-    units : mapping of str to str
-        Of states and inputs by their names, where they are known.
-    """
-
-    t: Array
-    x: Array
-    u: Array
-    y: Array
-    estimates: Array | None
-    surprise: Array | None
-    infos: tuple[Any, ...]
-    state_names: tuple[str, ...]
-    input_names: tuple[str, ...]
-    failure: str | None = None
-    units: Mapping[str, str] = field(default_factory=dict)
-
-    def __getitem__(self, name: str) -> Array:
-        """Return an entry of the state, or an input, over time by its name."""
-        if name in self.state_names:
-            return np.asarray(self.x[:, self.state_names.index(name)])
-        if name in self.input_names:
-            return np.asarray(self.u[:, self.input_names.index(name)])
-        raise unknown("name", name, (*self.state_names, *self.input_names), "name")
-
-    def __str__(self) -> str:
-        """Say how far the loop came, where it ended, and what the largest inputs and the estimator came to."""
-        ended = self.failure or f"{len(self.u)} steps, t = {self.t[0]:g} to {self.t[-1]:g} s"
-        lines = [ended, "ends at " + _by_name(self.state_names, self.x[-1])]
-        if self.u.size:
-            lines.append("largest inputs " + _by_name(self.input_names, np.abs(self.u).max(axis=0)))
-        if self.surprise is not None and np.isfinite(self.surprise).any():
-            lines.append(f"mean surprise {np.nanmean(self.surprise):.3g} of {self.y.shape[1]} readings")
-        # A controller of one's own may say something else of its calls.
-        plans = [info for info in self.infos if isinstance(info, PredictiveInfo)]
-        if plans:
-            missed, slowest = sum(not info.planned for info in plans), 1e3 * max(info.seconds for info in plans)
-            lines.append(f"{len(plans)} plans, {missed} of them not found; the slowest took {slowest:.3g} ms")
-        return "\n".join(lines)
-
-
-def _by_name(names: tuple[str, ...], values: Array) -> str:
-    return some([f"{name} {value:.4g}" for name, value in zip(names, values, strict=True)])
 
 
 @public
@@ -247,6 +179,8 @@ def close_loop(
         stood.system.input_names,
         failure,
         units_of(stood.system),
+        tuple(readings.names),
+        getattr(stood.system.told(), "mechanism", None),
     )
 
 

@@ -9,7 +9,6 @@ an optimisation to the end, by an `Optimizer`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
@@ -34,50 +33,13 @@ from leastaction.optimal.remembered.extension import needed_by, own_limits
 from leastaction.optimal.remembered.system import RememberingSystem
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.system import Linearization
+from leastaction.systems.closed_loop import PredictiveInfo
 
 _AT_ONCE = 1e-6  # delay that counts as none, of a step
 _ACTIVE = 1e-3  # room, in its scale, of a limit that is active
 _PRICE = 1e3  # price of an excess by a limit's scale, in costs of the first plan
 _MOST = 15  # iterations of a quadratic problem, at most
 _LEAST = 1e-3  # cost of the first plan that prices are measured by, at least
-
-
-@public
-@dataclass(frozen=True)
-class PredictiveInfo:
-    """What the last call of a predictive controller did.
-
-    Attributes
-    ----------
-    t : float
-        Its time (s).
-    seconds : float
-        How long it took.
-    iterations : int
-        Real-time iterations; of a first call those of its optimisation; 0 of a fallback.
-    interior_iterations : int
-        Of the quadratic problems, in all.
-    violation : float
-        Largest violation of a limit along the plan, in its scale (the width of a bound).
-    active : tuple of str
-        The limits that are active somewhere along the plan.
-    cost : float
-        Of the motion that the plan was improved from.
-    planned : bool
-        Whether there is a new plan; else the last one was followed under its gains.
-    message : str
-        Why not.
-    """
-
-    t: float
-    seconds: float
-    iterations: int
-    interior_iterations: int
-    violation: float
-    active: tuple[str, ...]
-    cost: float
-    planned: bool
-    message: str = ""
 
 
 @public

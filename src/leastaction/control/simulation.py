@@ -22,7 +22,7 @@ from leastaction.numerics.signals import Signal, StateLaw, signal_rows, takes_st
 from leastaction.optimal.system import System
 
 if TYPE_CHECKING:  # what closes loops is slow to import, and asked of few simulations
-    from leastaction.control.closed_loop import ClosedLoop, Disturbance
+    from leastaction.control.closed_loop import Disturbance
     from leastaction.control.predictive import MPC
     from leastaction.control.readings import Measured, Spread
     from leastaction.mechanics.continuous.events import Event
@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # what closes loops is slow to import, and asked of few simul
     from leastaction.mechanics.continuous.signals import ContinuousSignal
     from leastaction.mechanics.continuous.stabilisation import Baumgarte, Projection
     from leastaction.mechanics.discrete.simulation import LawAt
+    from leastaction.systems.closed_loop import ClosedLoop
 
 
 class DiscreteOptions(TypedDict, total=False):

@@ -197,8 +197,9 @@ class Optimizer:
     def _checked(self, system: DiscreteSystem, initial: Any) -> OptimizationResult | tuple[Array, Array]:
         """Return what was given to start from, or complain."""
         if isinstance(initial, OptimizationResult):
-            given_start(system, (initial.x, initial.u))
-            return initial
+            x, u = given_start(system, (initial.x, initial.u))
+            # Multipliers of limits that could not be met say nothing of others.
+            return (x, u) if initial.status is Status.INFEASIBLE else initial
         x, u = given_start(system, initial)
         if self.free_start is False:
             system.check_start(x if x.ndim == 1 else x[0])

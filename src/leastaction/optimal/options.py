@@ -20,6 +20,11 @@ WAY_NAMES = ("freely", "gaps", "easing", "resolved")
 """Names of the ways to begin again (see `leastaction.optimal.ways`)."""
 
 
+def _still_ways(names: list[str]) -> list[str]:
+    """Return those that are ways today, of names in a file: older files may have switched off others."""
+    return [name for name in names if name in WAY_NAMES]
+
+
 @public
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -82,7 +87,7 @@ class Options:
     max_backtracks: int = 20
     chunk: int = 256
     accuracy: Accuracy | None = None
-    without: tuple[str, ...] = ()
+    without: tuple[str, ...] = field(default=(), metadata={"earlier": ("without", _still_ways)})
 
     def __post_init__(self) -> None:
         as_choice(self.method, "method", get_args(Method))

@@ -46,6 +46,7 @@ from leastaction.systems.saving import dataset_with_multipliers
 from leastaction.systems.state_space import space_of_states
 
 _RESOLVED = 0.7  # angle (rad) by which a variable may turn within a step that follows its motion
+_FAR = 0.5 * np.pi  # angle (rad) by which a ball may turn within a step of a minimum before it is doubted
 _OFF = 1e-6  # about the distance from the constraints at which a motion may begin, as far as rounded numbers go
 
 
@@ -130,6 +131,9 @@ class MidpointSystem(DiscreteSystem):
         worst, found = result.worst_step, list[Warning]()
         if worst is not None and worst.is_coarse:
             found.append(CoarseStepWarning(str(worst)))
+        elif worst is not None and worst.angle > _FAR and worst.variable not in self.mechanism.coordinates:
+            far = f"{worst.variable!r} moved by {worst.angle:.3g} rad in the step at t = {worst.t:.6g} s"
+            found.append(CoarseStepWarning(f"{far}, more than a right angle: shorter steps may turn the other way"))
         vi, x = self.integrator, self._bare(result.x)
         complaint = balance_of(self.t, vi.core.energies(self.t, x, result.u, self._impulses(x, result.u))).complaint
         return [*found, EnergyBalanceWarning(complaint)] if complaint else found

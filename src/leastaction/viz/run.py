@@ -16,6 +16,7 @@ from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.public import public
 from leastaction.optimal.limits.limit import Limit, checked_limits
 from leastaction.optimal.result import OptimizationResult
+from leastaction.systems.closed_loop import ClosedLoop
 from leastaction.systems.rig import Played
 from leastaction.viz.bounds import ACTIVE, LIMIT, DrawnBound, draw_bound, reported_bounds, stated_bounds
 from leastaction.viz.figures import ORANGE, at_least, styled
@@ -54,9 +55,9 @@ def plot_run(
 
     Parameters
     ----------
-    run : Trajectory, ContinuousTrajectory, OptimizationResult or Played, or a mapping of these
-        What is drawn; `Played` is what a rig did. Several runs by their labels are drawn over each other; names, limits
-        and the time axis are those of the first.
+    run : Trajectory, ContinuousTrajectory, OptimizationResult, Played or ClosedLoop, or a mapping of these
+        What is drawn; `Played` is what a rig did, `ClosedLoop` what a controller made of its plant. Several runs by
+        their labels are drawn over each other; names, limits and the time axis are those of the first.
     names : str or sequence of str, optional
         Of states and inputs, with wildcards, such as ``["theta", "finger.*"]``: variables and inputs if left out; of a
         result that is of no mechanism all states.
@@ -110,17 +111,15 @@ def plot_run(
 
 def _shown_by_itself(run: Drawn, states: list[Signal]) -> list[Signal]:
     """Return the states that are drawn if none are named: the variables of a mechanism."""
-    if isinstance(run, OptimizationResult):
-        m = getattr(run.system, "mechanism", None)
-        return states if m is None else states[: m.nq]
-    return states[: run.mechanism.nq]
+    m = getattr(run.system if isinstance(run, OptimizationResult) else run, "mechanism", None)
+    return states if m is None else states[: m.nq]
 
 
 def _wanted(reference: Reference, states: list[Signal], inputs: list[Signal], n: int) -> dict[Key, Signal]:
     """Return the reference by name."""
     if reference is None:
         return {}
-    if isinstance(reference, BaseTrajectory | OptimizationResult | Played):
+    if isinstance(reference, BaseTrajectory | OptimizationResult | Played | ClosedLoop):
         return {signal.key: signal for signal in (*states_of(reference), *inputs_of(reference))}
     pairs = zip(reference, (states, inputs), strict=False) if isinstance(reference, tuple) else [(reference, states)]
     found: dict[Key, Signal] = {}

@@ -16,10 +16,11 @@ from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.names import matching
 from leastaction.optimal.result import OptimizationResult
+from leastaction.systems.closed_loop import ClosedLoop
 from leastaction.systems.rig import Played
 
 Source = Trajectory | ContinuousTrajectory | OptimizationResult
-Drawn = Source | Played
+Drawn = Source | Played | ClosedLoop
 Key = tuple[str, str]  # kind and name of a signal
 
 _DEGREES: Final = 180.0 / np.pi
@@ -93,7 +94,7 @@ def axis_label(unit: str, otherwise: str = "") -> str:
 
 def check_source(source: object, what: str) -> None:
     """Raise unless this is a run or a result."""
-    if not isinstance(source, BaseTrajectory | OptimizationResult | Played):
+    if not isinstance(source, BaseTrajectory | OptimizationResult | Played | ClosedLoop):
         raise ArgumentError(
             f"{what}: got {type(source).__name__}, expected a run of simulate() or a result of optimize()"
         )
@@ -102,8 +103,9 @@ def check_source(source: object, what: str) -> None:
 def motion_of(source: Source, what: str) -> Trajectory | ContinuousTrajectory:
     """Return the motion of the mechanism; an error says where there is none."""
     check_source(source, what)
-    if isinstance(source, Played):
-        raise ArgumentError(f"{what}: got what a rig did, which has no multipliers, expected a run or a result")
+    if isinstance(source, Played | ClosedLoop):
+        whose = "a rig" if isinstance(source, Played) else "a closed loop"
+        raise ArgumentError(f"{what}: got what {whose} did, which has no multipliers, expected a run or a result")
     found: Trajectory | ContinuousTrajectory = source.trajectory if isinstance(source, OptimizationResult) else source
     if found.steps < 2:
         raise ArgumentError(f"{what}: got a run of {found.steps} steps, expected two at least: {found.message}")
@@ -112,7 +114,7 @@ def motion_of(source: Source, what: str) -> Trajectory | ContinuousTrajectory:
 
 def states_of(source: Drawn) -> list[Signal]:
     """Return everything in the state, by name."""
-    if isinstance(source, OptimizationResult):
+    if isinstance(source, OptimizationResult | ClosedLoop):
         names, units = source.state_names, source.state_units
     else:
         m = source.mechanism
@@ -127,7 +129,7 @@ def states_of(source: Drawn) -> list[Signal]:
 
 def inputs_of(source: Drawn) -> list[Signal]:
     """Return the inputs, by name; not those that are states at the next instant."""
-    if isinstance(source, OptimizationResult):
+    if isinstance(source, OptimizationResult | ClosedLoop):
         # What is prescribed is a state at the next instant, in the same unit; others may share no more than a name.
         known = dict(zip(source.state_names, source.state_units, strict=True))
         pairs = zip(source.input_names, source.input_units, strict=True)

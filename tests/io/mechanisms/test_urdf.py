@@ -126,9 +126,23 @@ def test_a_free_base(tmp_path: Path) -> None:
     text = link("base") + link("arm") + joint("j", "base", "arm")
     model = loaded(tmp_path, text, floating=True)
     assert model.mechanism.variables == ("base.x", "base.y", "base.z", "base.wx", "base.wy", "base.wz", "j")
-    two = link("base") + link("other")
-    with pytest.raises(ArgumentError, match="2 links stand on the world"):
-        loaded(tmp_path, two, floating=True)
+
+
+def test_a_base_that_the_file_lets_free_is_not_let_free_twice(tmp_path: Path) -> None:
+    base, more = link("base") + joint("free", "world", "base", "floating"), link("arm") + joint("j", "base", "arm")
+    text = '<link name="world"/>' + base + more
+    assert loaded(tmp_path, text).mechanism.nv == 7
+    with pytest.raises(ArgumentError, match="'base' is free in space by the file"):
+        loaded(tmp_path, text, floating=True)
+    # A world with a mass, from which something is let free, is a body of its own.
+    assert loaded(tmp_path, link("world") + base + more, floating=True).mechanism.nv == 13
+
+
+def test_two_roots_are_named(tmp_path: Path) -> None:
+    two = link("base") + link("arm") + link("other") + joint("j", "base", "arm")
+    for more in ({}, {"floating": True}):
+        with pytest.raises(ModelFileError, match="2 links are the child of no joint, 'base', 'other'; expected one"):
+            loaded(tmp_path, two, **more)
 
 
 def test_planar_and_floating_joints(tmp_path: Path) -> None:

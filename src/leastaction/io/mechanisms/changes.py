@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from leastaction.errors import ArgumentError, unknown
-from leastaction.io.mechanisms.parts import Axes, JointPart, MassPart, Mimic, Robot
+from leastaction.errors import ArgumentError, some, unknown
+from leastaction.io.mechanisms.parts import Axes, JointPart, LinkPart, MassPart, Mimic, Robot
 from leastaction.mechanics import Body
 from leastaction.numerics.arrays import require_instance, require_mapping
 
@@ -31,10 +31,29 @@ def with_free_base(robot: Robot) -> Robot:
             f"{len(roots)} links stand on the world" if len(roots) != 1 else "its root already moves against the world"
         )
         raise ArgumentError(f"floating=True: {what}, and one that stands still is to be let free; leave it out")
+    free = _already_free(robot, roots[0])
+    if free:
+        raise ArgumentError(
+            f"floating=True: {some([repr(name) for name in free])} {'is' if len(free) == 1 else 'are'} free in space "
+            "by the file, and nothing with a mass stands still; leave it out"
+        )
     links = list(robot.links)
     root = links[roots[0]]
     links[roots[0]] = replace(root, joints=(JointPart(name=root.name, kind="free"),))
     return replace(robot, links=tuple(links))
+
+
+def _already_free(robot: Robot, root: int) -> list[str]:
+    """Return the links that the file lets free from its root, where nothing else hangs on it that has a mass."""
+    still, moving = {root}, list[LinkPart]()
+    for index, link in enumerate(robot.links):
+        if link.parent in still and not link.joints:
+            still.add(index)
+        elif link.parent in still:
+            moving.append(link)
+    heavy = any(robot.links[index].mass is not None for index in still)
+    free = all(link.joints[0].kind == "free" for link in moving)
+    return [link.name for link in moving] if free and not heavy else []
 
 
 def with_axes(robot: Robot, axes: Axes) -> Robot:

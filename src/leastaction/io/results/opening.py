@@ -11,7 +11,7 @@ from typing import Any, Final, TypeAlias
 from leastaction.errors import LeastActionError, ResultFileError
 from leastaction.io.motion.motion import Motion
 from leastaction.io.motion.table import motion_of
-from leastaction.io.results.checks import check_result
+from leastaction.io.results.checks import check_result, check_shapes
 from leastaction.io.results.continuous import check_continuous, result_of
 from leastaction.io.results.record import damaged, record_of
 from leastaction.io.results.runs import run_of
@@ -21,13 +21,15 @@ from leastaction.mechanics.mechanism.text import mechanism_of
 from leastaction.numerics.arrays import require_instance
 from leastaction.numerics.dataset import Dataset, Table
 from leastaction.numerics.dataset.files import read
+from leastaction.numerics.dataset.plain import restored
 from leastaction.numerics.dataset.text import check_fit
 from leastaction.numerics.public import public
 from leastaction.optimal import OptimizationResult
 from leastaction.optimal.continuous.content import ContinuousContent
 from leastaction.systems import Played
+from leastaction.systems.closed_loop import ClosedLoop, PredictiveInfo
 
-Opened: TypeAlias = Trajectory | ContinuousTrajectory | OptimizationResult | Played | Motion | Table
+Opened: TypeAlias = Trajectory | ContinuousTrajectory | OptimizationResult | Played | ClosedLoop | Motion | Table
 
 
 @public
@@ -48,7 +50,7 @@ def open(  # noqa: A001 - `leastaction.open` is what it is called by
 
     Returns
     -------
-    Trajectory, ContinuousTrajectory, OptimizationResult, Played, Motion or Table
+    Trajectory, ContinuousTrajectory, OptimizationResult, Played, ClosedLoop, Motion or Table
         A result knows its `system`, as far as its mechanism is known, and `optimize` goes on with it (``resume``).
 
     Raises
@@ -109,6 +111,15 @@ def _result(source: Path, dataset: Dataset, given: Mechanism | None) -> Optimiza
     return replace(result, system=system_of(source, dataset.system, m, result))
 
 
+def _loop(source: Path, dataset: Dataset, given: Mechanism | None) -> ClosedLoop:
+    loop = record_of(source, dataset, ClosedLoop).content
+    n, nx = len(loop.t), len(loop.state_names)
+    shapes = {"x": (loop.x, (n, nx)), "u": (loop.u, (n - 1, len(loop.input_names)))}
+    check_shapes(shapes, f"{n} instants", str(source))
+    said = [restored(PredictiveInfo, each, {}) if isinstance(each, dict) else each for each in loop.infos]
+    return replace(loop, infos=tuple(said), mechanism=_mechanism(source, dataset, given))
+
+
 def _table(source: Path, dataset: Dataset, given: Mechanism | None) -> Motion | Table:  # noqa: ARG001 - as of others
     check_fit(source, dataset)
     return motion_of(dataset) or Table(dataset)
@@ -120,6 +131,7 @@ _OPENED: Final[Mapping[str, Callable[[Path, Dataset, Mechanism | None], Any]]] =
     "Trajectory": _run,
     "ContinuousTrajectory": _run,
     "Played": _run,
+    "ClosedLoop": _loop,
     "Motion": _table,
     "table": _table,
 }

@@ -95,6 +95,12 @@ class InputLaw:
             self.signal = TimeFunction(signal, what)
             self.signal.check(times[0], times[-1], (self.n,), what=f"({self.n},)")
         elif callable(signal):
+            if hasattr(signal, "info"):  # what a controller says of itself is of one call, at an instant
+                raise ArgumentError(
+                    f"{what}: got a controller, {type(signal).__name__}, which is asked at instants and not within the "
+                    "steps of a solver; leastaction.simulate(..., inputs=controller) holds what it says from one "
+                    "time to the next"
+                )
             self.law = _as_law(signal, what)
         elif signal is not None:
             self.signal = TimeFunction(self._sampled(signal, times), what)

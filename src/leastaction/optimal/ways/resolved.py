@@ -37,7 +37,7 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
         return True
     problem = run.problem
     assert isinstance(problem, DiscreteProblem)
-    if "resolved" in run.state.taken or outcome.status not in STUCK:
+    if "resolved" in run.state.taken or outcome.status not in (*STUCK, Status.DERIVATIVES_FAILED):
         return False
     return not problem.parts.here.is_open and (outcome.barred or coarse_step(problem, outcome) is not None)
 

@@ -17,6 +17,8 @@ from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.public import public
 from leastaction.optimal import LimitReport, LimitState
+from leastaction.systems.closed_loop import ClosedLoop
+from leastaction.systems.rig import Played
 from leastaction.viz.scene import ActiveLimit, Arrow, Scene
 from leastaction.viz.viewer.actions import Actions, cords_of
 from leastaction.viz.viewer.kinematics import kinematics
@@ -49,7 +51,7 @@ def show(
 
     Parameters
     ----------
-    what : Mechanism, Model, Trajectory, ContinuousTrajectory, or a result that has a ``trajectory``
+    what : Mechanism, Model, Trajectory, ContinuousTrajectory, Played, ClosedLoop, or a result with a ``trajectory``
         What is shown. A mechanism or a model stands still. A list of runs stands side by side. Limits of a result that
         are active are marked on the time bar.
     q : array_like, shape (nq,), optional
@@ -107,7 +109,8 @@ def _scene(
         return what
     own = tuple(getattr(what, "shapes", ()) if shapes is None else shapes)
     called = title or getattr(what, "name", "") or "leastaction"
-    if isinstance(what, Mechanism) or not (isinstance(what, BaseTrajectory) or hasattr(what, "trajectory")):
+    moves = isinstance(what, BaseTrajectory | Played | ClosedLoop)
+    if isinstance(what, Mechanism) or not (moves or hasattr(what, "trajectory")):
         m = what if isinstance(what, Mechanism) else getattr(what, "mechanism", None)
         if not isinstance(m, Mechanism):
             raise ArgumentError(
@@ -120,16 +123,16 @@ def _scene(
         )
     if q is not None:
         raise ArgumentError("q: only a mechanism or a model stands somewhere; a run has its own configurations")
-    run = what if isinstance(what, BaseTrajectory) else what.trajectory
-    if not isinstance(run, BaseTrajectory):
-        raise ArgumentError(f"show: the trajectory of a {type(what).__name__} is no motion of a mechanism")
+    run = what if moves else what.trajectory
+    if not isinstance(run, BaseTrajectory | Played | ClosedLoop) or run.mechanism is None:
+        raise ArgumentError(f"show: what a {type(what).__name__} has over time is no motion of a mechanism")
     scene = _run_scene(run, shapes=own, reference=reference, traces=traces, up=up, title=called)
     report = getattr(getattr(what, "result", what), "limits", None)  # what was followed has its result within
     return replace(scene, limits=active_limits(report, run.t)) if isinstance(report, LimitReport) else scene
 
 
 def _run_scene(
-    run: BaseTrajectory[Any],
+    run: Any,
     *,
     shapes: Sequence[Shape],
     reference: Any,
@@ -154,7 +157,7 @@ def _run_scene(
         array = np.repeat(array, len(t), axis=0) if len(array) == 1 else array
         array = as_array(array, "reference", (len(t), m.nq), names=m.coordinates)
         wanted = of_unit_length(m, np.column_stack([np.interp(times, t, column) for column in array.T]))
-    actions = Actions(run, times, q)
+    acts = Actions(run, times, q) if isinstance(run, BaseTrajectory) else None  # others have no multipliers
     return motion_scene(
         m,
         times,
@@ -164,12 +167,12 @@ def _run_scene(
         traces=traces,
         up=up,
         title=title,
-        tension=actions.tension(),
-        arrows=actions.arrows(),
+        tension=acts.tension() if acts else None,
+        arrows=acts.arrows() if acts else (),
     )
 
 
-def _between(run: BaseTrajectory[Any], times: Array) -> Array:
+def _between(run: Any, times: Array) -> Array:
     """Return the configurations of a run at any times, (n, nq): by its dense output, else on straight lines."""
     if getattr(run, "dense", None) is not None:
         states: Any = run

@@ -106,6 +106,11 @@ def _in_order(root: ET.Element, links: dict[str, ET.Element]) -> list[tuple[str,
         before[child] = joint
         children[parent].append(child)
     stack: list[str] = [name for name in reversed(links) if name not in before]
+    if len(stack) > 1:
+        raise ModelFileError(
+            f"{len(stack)} links are the child of no joint, {some([repr(n) for n in reversed(stack)], 6)}; expected "
+            "one, the root: hang the others on it by joints, 'fixed' if they stand still, 'floating' if they are free"
+        )
     order: list[tuple[str, ET.Element | None]] = []
     while stack:
         name = stack.pop()
