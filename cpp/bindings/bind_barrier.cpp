@@ -102,6 +102,37 @@ std::tuple<bool, double, double> price(const Places& column, const Places& other
     return {found.dearer, found.dearest, found.cheapest};
 }
 
+bool unenforced(const Places& other, const Values& y, const Values& prices) {
+    const std::size_t entries = y.size();
+    for (const std::size_t size : {other.size(), prices.size()}) expect(size, entries, "of entries");
+    within(other, entries, "other");
+    return some_unenforced(static_cast<std::ptrdiff_t>(entries), other.data(), y.data(), prices.data());
+}
+
+double largest_product(const Places& column, const Values& y, const Values& of_columns) {
+    expect(column.size(), y.size(), "of entries");
+    within(column, of_columns.size(), "column");
+    double largest = 0.0;
+    for (std::size_t e = 0; e < y.size(); ++e)
+        largest = std::max(largest, y.data()[e] * of_columns.data()[column.data()[e]]);
+    return largest;
+}
+
+using NewFlags = nb::ndarray<bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+void active(const Places& column, const Values& scale, const Values& y, double least, double hardly,
+            const NewFlags& out) {
+    for (const std::size_t size : {column.size(), out.size()}) expect(size, y.size(), "of entries");
+    within(column, scale.size(), "column");
+    find_active(static_cast<std::ptrdiff_t>(y.size()), static_cast<std::ptrdiff_t>(scale.size()), column.data(),
+                scale.data(), y.data(), least, hardly, out.data());
+}
+
+void settle(const Values& y, const Values& slack, double mu, const Result& out) {
+    for (const std::size_t size : {slack.size(), out.size()}) expect(size, y.size(), "of entries");
+    settle_multipliers(static_cast<std::ptrdiff_t>(y.size()), y.data(), slack.data(), mu, out.data());
+}
+
 using Matrices = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
 void add_rows(const In<3>& J, const In<2>& sigma, const std::optional<In<3>>& bent, const Places& k,
@@ -149,6 +180,14 @@ void bind_barrier(nb::module_& m) {
         "kept"_a, "c"_a, "rho"_a, "y"_a, "prices"_a,
         "Changes the prices of columns and the duals of entries, and writes the prices of these; returns whether some "
         "limit needs a higher price, and the highest and the lowest of an excess of its scale.");
+    m.def("some_unenforced", &unenforced, "other"_a, "y"_a, "prices"_a,
+          "Whether the price of some entry does not enforce its limit.");
+    m.def("largest_product", &largest_product, "column"_a, "y"_a, "of_columns"_a,
+          "The largest product of an entry and what its column has; 0 where none is positive.");
+    m.def("active_limits", &active, "column"_a, "scale"_a, "y"_a, "least"_a, "hardly"_a, "out"_a,
+          "Writes which entries hold the motion back.");
+    m.def("settle_duals", &settle, "y"_a, "slack"_a, "mu"_a, "out"_a,
+          "Writes duals, or those of the barrier where they have not come near them.");
     m.def("add_limit_rows", &add_rows, "jacobian"_a, "sigma"_a, "bent"_a.none(), "k"_a, "places"_a, "to"_a,
           "Adds J' sigma J - bent of every one of n stages at some places of matrices of stages k.");
 }

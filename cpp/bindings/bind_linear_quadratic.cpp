@@ -204,7 +204,7 @@ void drift(const Input& A, const Input& B, const Input& K, const Input& P, const
 }
 
 void adjoint(const Input& A, const Input& B, const Input& K, const Input& q, const Input& r, const Input& q_final,
-             const Output& z, const std::optional<Pattern>& pattern) {
+             const Output& z, const std::optional<Pattern>& pattern, const std::optional<Output>& h) {
     const auto [N, nx, nu] = sizes(A, B);
     LinearQuadraticProblem problem = dynamics(A, B);
     problem.q = checked(q, {N, nx}, "q must have shape (N, nx)");
@@ -212,9 +212,10 @@ void adjoint(const Input& A, const Input& B, const Input& K, const Input& q, con
     problem.q_final = checked(q_final, {nx}, "q_final must have shape (nx)");
     require(has_shape(K, {N, nu, nx}), "K must have shape (N, nu, nx)");
     require(has_shape(z, {N + 1, nx}), "z must have shape (N + 1, nx)");
+    if (h) require(has_shape(*h, {N, nu}), "h must have shape (N, nu)");
     set_pattern(problem, pattern);
     nb::gil_scoped_release release;
-    sweep_adjoint(problem, K.data(), z.data());
+    sweep_adjoint(problem, K.data(), z.data(), h ? h->data() : nullptr);
 }
 
 using Indices = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
@@ -345,7 +346,8 @@ void bind_linear_quadratic(nb::module_& m) {
     m.def("sweep_drift", &drift, "A"_a, "B"_a, "K"_a, "P"_a, "L"_a, "c"_a, "C"_a, "pattern"_a.none() = nb::none(),
           "What a drift adds to the feedforward of a problem that was solved; writes C.");
     m.def("sweep_adjoint", &adjoint, "A"_a, "B"_a, "K"_a, "q"_a, "r"_a, "q_final"_a, "z"_a,
-          "pattern"_a.none() = nb::none(), "Adjoint of the closed-loop linearisation; writes z.");
+          "pattern"_a.none() = nb::none(), "h"_a.none() = nb::none(),
+          "Adjoint of the closed-loop linearisation; writes z and, if given, h = r + B'z, the derivative by inputs.");
     bind_interior_program(m);
 }
 

@@ -2,6 +2,9 @@
 
 #include <nanobind/nanobind.h>
 
+#include <algorithm>
+#include <tuple>
+
 #include "arrays.hpp"
 #include "optimal/quadratic_cost.hpp"
 
@@ -35,26 +38,54 @@ RowWeights weights_of(const Weight& weight, std::size_t rows, std::size_t n, con
     return {weight.data(), diagonal, by_rows ? static_cast<std::ptrdiff_t>(diagonal ? n : n * n) : 0};
 }
 
-void add_half_squares_of(const In<2>& values, const Wanted& wanted, const Weight& weight, const Row& out) {
-    const Deviations off = deviations_of(values, wanted, "wanted");
-    expect(out.size(), off.rows, "out");
-    add_half_squares(off, weights_of(weight, off.rows, off.n, "weight"), out.data());
+void stages_of(const In<2>& x, const Wanted& x_wanted, const Weight& Q, const In<2>& u, const Wanted& u_wanted,
+               const Weight& R, const Row& out) {
+    std::fill_n(out.data(), out.size(), 0.0);
+    for (const auto& [values, wanted, weight] : {std::tie(x, x_wanted, Q), std::tie(u, u_wanted, R)}) {
+        const Deviations off = deviations_of(values, wanted, "wanted");
+        expect(out.size(), off.rows, "out");
+        add_half_squares(off, weights_of(weight, off.rows, off.n, "weight"), out.data());
+    }
 }
 
-void weigh_rows_of(const In<2>& values, const Wanted& wanted, const Weight& weight, const Rows& out) {
-    const Deviations off = deviations_of(values, wanted, "wanted");
+double final_of(const In<1>& x, const In<1>& wanted, const Weight& weight) {
+    const Deviations off{1, x.size(), x.data(), wanted.data(), 0};
+    expect(wanted.size(), off.n, "wanted");
+    double value = 0.0;
+    add_half_squares(off, weights_of(weight, 1, off.n, "weight"), &value);
+    return value;
+}
+
+// Of the first rows of values, as many as there are of the derivatives.
+void weigh_first(Deviations off, const Weight& weight, const Rows& out) {
+    off.rows = std::min(off.rows, out.shape(0));
     expect(out.shape(0), off.rows, "out");
     expect(out.shape(1), off.n, "out");
     weigh_rows(off, weights_of(weight, off.rows, off.n, "weight"), out.data());
 }
 
+void gradient_of(const In<2>& x, const Wanted& x_wanted, const Weight& Q, const Weight& Q_final, const In<2>& u,
+                 const Wanted& u_wanted, const Weight& R, const Rows& q, const Rows& r, const Row& q_final) {
+    const Deviations states = deviations_of(x, x_wanted, "x_wanted");
+    weigh_first(states, Q, q);
+    weigh_first(deviations_of(u, u_wanted, "u_wanted"), R, r);
+    const std::size_t last = states.rows - 1;
+    expect(last, q.shape(0), "q");
+    expect(q_final.size(), states.n, "q_final");
+    weigh_rows({1, states.n, states.values + last * states.n,
+                states.wanted + static_cast<std::ptrdiff_t>(last) * states.wanted_stride, 0},
+               weights_of(Q_final, 1, states.n, "Q_final"), q_final.data());
+}
+
 }  // namespace
 
 void bind_quadratic_cost(nb::module_& m) {
-    m.def("add_half_squares", &add_half_squares_of, "values"_a, "wanted"_a, "weight"_a, "out"_a,
-          "Adds half the weighted square of what each row of values is off by.");
-    m.def("weigh_rows", &weigh_rows_of, "values"_a, "wanted"_a, "weight"_a, "out"_a,
-          "Writes a weight times what each row of values is off by.");
+    m.def("quadratic_stages", &stages_of, "x"_a, "x_wanted"_a, "Q"_a, "u"_a, "u_wanted"_a, "R"_a, "out"_a,
+          "Writes half the weighted squares of what the states and inputs of each stage are off by.");
+    m.def("quadratic_final", &final_of, "x"_a, "wanted"_a, "weight"_a,
+          "Half the weighted square of what a state is off by.");
+    m.def("quadratic_gradient", &gradient_of, "x"_a, "x_wanted"_a, "Q"_a, "Q_final"_a, "u"_a, "u_wanted"_a, "R"_a,
+          "q"_a, "r"_a, "q_final"_a, "Writes the derivatives of all stages, and of the last state.");
 }
 
 }  // namespace leastaction

@@ -15,6 +15,7 @@ constexpr double binding = 0.5;              // multiplier, in parts of the pric
 constexpr double cheaper = 1e-3, more = 10;  // factors by which prices change at most
 constexpr double inside = 0.9;               // multiplier, in parts of the price, that it has at most
 constexpr double rounding = 1e-13;           // error of a multiplier by rounding, in parts of its price
+constexpr double settled_by = 2.3;           // logarithm of the factor by which multipliers are off at most in the end
 
 }  // namespace
 
@@ -59,6 +60,29 @@ Priced price_limits(const LimitColumns& limits, const PriceBounds& bounds, const
         }
     }
     return found;
+}
+
+bool some_unenforced(std::ptrdiff_t entries, const std::int64_t* other, const double* y, const double* prices) {
+    for (std::ptrdiff_t e = 0; e < entries; ++e) {
+        const double net = other[e] == e ? y[e] : y[e] - y[other[e]];
+        if (std::abs(net) > binding * prices[e]) return true;
+    }
+    return false;
+}
+
+void find_active(std::ptrdiff_t entries, std::ptrdiff_t columns, const std::int64_t* column, const double* scale,
+                 const double* y, double least, double hardly, bool* active) {
+    std::vector<double> enough(columns);
+    for (std::ptrdiff_t e = 0; e < entries; ++e) enough[column[e]] = std::max(enough[column[e]], y[e]);
+    for (std::ptrdiff_t j = 0; j < columns; ++j) enough[j] = std::max(least / scale[j], hardly * enough[j]);
+    for (std::ptrdiff_t e = 0; e < entries; ++e) active[e] = y[e] > enough[column[e]];
+}
+
+void settle_multipliers(std::ptrdiff_t entries, const double* y, const double* slack, double mu, double* settled) {
+    for (std::ptrdiff_t e = 0; e < entries; ++e) {
+        const double barrier = mu / slack[e];
+        settled[e] = std::abs(std::log(y[e] / barrier)) < settled_by ? y[e] : barrier;
+    }
 }
 
 }  // namespace leastaction

@@ -32,4 +32,14 @@ struct Priced {
 Priced price_limits(const LimitColumns& limits, const PriceBounds& bounds, const double* c, double* rho, double* y,
                     double* prices);
 
+// Whether the price of some entry does not enforce its limit, as its multiplier is too close to it; `other`: as of the
+// columns.
+bool some_unenforced(std::ptrdiff_t entries, const std::int64_t* other, const double* y, const double* prices);
+// Writes which entries are active: whose multiplier, times the scale of its column, is at least so much, and a part
+// `hardly` of the column's largest.
+void find_active(std::ptrdiff_t entries, std::ptrdiff_t columns, const std::int64_t* column, const double* scale,
+                 const double* y, double least, double hardly, bool* active);
+// Writes multipliers, or those of the barrier where they have not come near them.
+void settle_multipliers(std::ptrdiff_t entries, const double* y, const double* slack, double mu, double* settled);
+
 }  // namespace leastaction

@@ -121,7 +121,8 @@ void sweep_forward(const LinearQuadraticProblem& problem, const double* K, const
 // P and L of all stages, as they were written, and no gradient. C (N, nu). Reads no more of A and B than a pattern says.
 void sweep_drift(const LinearQuadraticProblem& problem, const double* K, const double* P, const double* L, double* C);
 
-// z_N = q_N, z_k = q - K'r + (A - BK)'z_{k+1} (dissertation Prop. 7); z (N + 1, nx). With a pattern it reads no more than that.
-void sweep_adjoint(const LinearQuadraticProblem& problem, const double* K, double* z);
+// z_N = q_N, z_k = q - K'r + (A - BK)'z_{k+1} (dissertation Prop. 7); z (N + 1, nx). Where h (N, nu) is
+// given, it is the derivative by the inputs, r + B'z. With a pattern it reads no more than that.
+void sweep_adjoint(const LinearQuadraticProblem& problem, const double* K, double* z, double* h = nullptr);
 
 }  // namespace leastaction

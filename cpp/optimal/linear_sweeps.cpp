@@ -81,7 +81,7 @@ void small_forward(const LinearQuadraticProblem& problem, const double* K, const
 }
 
 template <int width>
-void small_adjoint(const LinearQuadraticProblem& problem, const double* K, double* z) {
+void small_adjoint(const LinearQuadraticProblem& problem, const double* K, double* z, double* h) {
     const Index nx = problem.nx, nu = problem.nu;
     SmallDynamics<width> dynamics(problem);
     typename SmallDynamics<width>::Row now;
@@ -94,6 +94,7 @@ void small_adjoint(const LinearQuadraticProblem& problem, const double* K, doubl
         if (problem.r != nullptr) std::copy_n(problem.r + k * nu, nu, now.data() + nx);
         const auto& G = dynamics.read(k);
         for (Index i = 0; i < nx; ++i) now += z[i] * G[i];
+        if (h != nullptr) std::copy_n(now.data() + nx, nu, h + k * nu);
         for (Index u = 0; u < nu; ++u) {
             const double* row = K + (k * nu + u) * nx;
             for (Index j = 0; j < nx; ++j) now[j] -= now[nx + u] * row[j];
@@ -157,8 +158,8 @@ void sweep_forward(const LinearQuadraticProblem& problem, const double* K, const
     }
 }
 
-void sweep_adjoint(const LinearQuadraticProblem& problem, const double* K, double* z) {
-    if (is_small(problem)) return with_width(problem, [&](auto width) { small_adjoint<width>(problem, K, z); });
+void sweep_adjoint(const LinearQuadraticProblem& problem, const double* K, double* z, double* h) {
+    if (is_small(problem)) return with_width(problem, [&](auto width) { small_adjoint<width>(problem, K, z, h); });
     const Index nx = problem.nx;
     const Index nu = problem.nu;
     VectorXd input(nu);
@@ -174,6 +175,7 @@ void sweep_adjoint(const LinearQuadraticProblem& problem, const double* K, doubl
         input.setZero();
         if (problem.r != nullptr) input = ConstVector(problem.r + k * nu, nu);
         add_transposed(problem, structure, k, next, now, input);
+        if (h != nullptr) std::copy_n(input.data(), nu, h + k * nu);
         now.noalias() -= ConstRows(K + k * nu * nx, nu, nx).transpose() * input;
     }
 }

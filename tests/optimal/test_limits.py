@@ -1047,7 +1047,7 @@ def test_prices_of_equations_fall_to_a_hundred_duals_in_the_end() -> None:
         duals.y.flat[:] = 0.5 * duals.prices + np.array([0.5e-4, -0.5e-4])
         assert not duals.price(c, 1e6, kept=kept)
         assert float(duals.rho.flat[0]) == pytest.approx(price, rel=1e-9)
-        assert duals.net() == pytest.approx([1e-4, -1e-4], rel=1e-9)
+        assert duals.net(duals.y.flat) == pytest.approx([1e-4, -1e-4], rel=1e-9)
     assert duals.least_mu(1e-12) == pytest.approx(0.01 * least, rel=0.1)
 
 

@@ -304,6 +304,14 @@ def test_a_run_that_is_cut_off_after_a_step_of_which_nothing_was_expected_tells_
     assert "The expected decrease is still" in second.message
 
 
+def test_a_run_that_is_cut_off_before_a_goal_of_nothing_tells_how_it_stands(system):
+    """Nobody knows how many more iterations an expected decrease of zero takes."""
+    result = optimize(system, _tracking(1.5), initial=REST, max_iterations=3, tolerance=0.0, absolute_tolerance=0.0)
+    assert result.status is Status.ITERATION_LIMIT
+    assert "where 0 is asked for" in result.message
+    assert result.message.endswith("of itself.")
+
+
 def test_stopping_at_once(system):
     result = optimize(system, _tracking(), initial=REST, callback=lambda record: True)
     assert result.status is Status.STOPPED_BY_CALLBACK

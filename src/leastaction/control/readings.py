@@ -30,18 +30,9 @@ Spread = float | ArrayLike | Mapping[str, float]
 class Readings:
     """What sensors read of a state, with its derivatives. It has no state of its own.
 
-    Parameters
-    ----------
-    system : System
-    measure : str, sequence of str, Quantity, callable or array_like
-        Entries of the state by name, with wildcards (``["elbow", "p_*"]``); a `Quantity` of the state, such as a
-        `FunctionQuantity`; a function ``y = h(x)`` of the state (nx,), which is differentiated by differences; or a
-        matrix (ny, nx).
-
-    Raises
-    ------
-    ArgumentError
-        An unknown name, or what is none of these.
+    ``measure``: Entries of the state by name, with wildcards (``["elbow", "p_*"]``); a `Quantity` of the state, such as
+    a `FunctionQuantity`; a function ``y = h(x)`` of the state (nx,), which is differentiated by differences; or a
+    matrix (ny, nx). Raises `ArgumentError`: an unknown name, or what is none of these.
     """
 
     def __init__(self, system: System, measure: Measured) -> None:

@@ -42,9 +42,8 @@ if TYPE_CHECKING:
     from leastaction.mechanics.discrete.linearization import StepDerivatives, StepTensors
     from leastaction.mechanics.discrete.midpoint import MidpointVI
     from leastaction.mechanics.discrete.sensitivity import Sensitivity
-    from leastaction.mechanics.discrete.step import Step
     from leastaction.mechanics.discrete.step_sensitivity import StepSensitivity, momentum_by
-    from leastaction.mechanics.discrete.trajectory import SimulationStatus, State, Trajectory
+    from leastaction.mechanics.discrete.trajectory import SimulationStatus, State, Step, Trajectory
     from leastaction.mechanics.elements import (
         Armature,
         BodyWrench,
@@ -131,9 +130,8 @@ else:
             "leastaction.mechanics.discrete.linearization": "StepDerivatives StepTensors",
             "leastaction.mechanics.discrete.midpoint": "MidpointVI",
             "leastaction.mechanics.discrete.sensitivity": "Sensitivity",
-            "leastaction.mechanics.discrete.step": "Step",
             "leastaction.mechanics.discrete.step_sensitivity": "StepSensitivity momentum_by",
-            "leastaction.mechanics.discrete.trajectory": "SimulationStatus State Trajectory",
+            "leastaction.mechanics.discrete.trajectory": "SimulationStatus State Step Trajectory",
             "leastaction.mechanics.elements": (
                 "Armature BodyWrench Constraint CoulombFriction Coupling Damping Distance Drag ElasticString "
                 "Element ExpressionConstraint ExpressionForce ExpressionPotential FixedOrientation Force "

@@ -96,13 +96,13 @@ def row_by_name(
     return np.array(list(row.values()), dtype=np.float64)
 
 
-def as_wanted(value: object, what: str, *shapes: tuple[int | None, ...]) -> Array:
+def as_wanted(value: object, what: str, *shapes: tuple[int | None, ...], meaning: str = "") -> Array:
     """Return a value as an array of doubles of one of the given shapes, where NaN says that nothing is wanted."""
     try:
         given = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        return as_array(value, what, *shapes)
-    as_array(np.where(np.isnan(given), 0.0, given), what, *shapes)
+        return as_array(value, what, *shapes, meaning=meaning)
+    as_array(np.where(np.isnan(given), 0.0, given), what, *shapes, meaning=meaning)
     return given
 
 

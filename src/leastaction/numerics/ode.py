@@ -86,12 +86,7 @@ class Interpolant:
 class OdeStep:
     """An accepted step, as a `March` gives it; its interpolant is to be asked for (first) before the next step.
 
-    Attributes
-    ----------
-    start, end : float
-        Times (s).
-    raw, y : ndarray (n,)
-        The solution at the end, before and after it was held.
+    ``start``, ``end``: Times (s). ``raw``, ``y`` (n,): The solution at the end, before and after it was held.
     """
 
     __slots__ = ("_interpolant", "_interpolate", "end", "raw", "start", "y")

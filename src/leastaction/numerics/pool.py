@@ -72,6 +72,8 @@ def empty(shape: tuple[int, ...], dtype: Any = np.float64) -> Any:
 
 def zeros(shape: tuple[int, ...]) -> Array:
     """Return an array of zeros likewise."""
+    if shape[0] < _FEW:
+        return np.zeros(shape)
     array: Array = empty(shape)
     array.fill(0.0)
     return array
@@ -79,6 +81,15 @@ def zeros(shape: tuple[int, ...]) -> Array:
 
 def copied(array: Array) -> Array:
     """Return a copy likewise."""
+    if array.shape[0] < _FEW:
+        return array.copy()
     copy: Array = empty(array.shape)
     copy[...] = array
+    return copy
+
+
+def kept(array: Array) -> Array:
+    """Return a copy likewise that nobody can write to."""
+    copy = copied(array)
+    copy.setflags(write=False)
     return copy

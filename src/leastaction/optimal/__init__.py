@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     )
     from leastaction.optimal.discrete.controllability import Controllability, ControllabilityWindow, controllability
     from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient, QuadraticCost, WindowCost
-    from leastaction.optimal.discrete.function_cost import FunctionCost
+    from leastaction.optimal.discrete.function_cost import FunctionCost, GaussNewton
     from leastaction.optimal.discrete.function_system import FunctionSystem, LinearSystem
     from leastaction.optimal.discrete.hessians import CostHessian, HessianPart, ModelHessian
     from leastaction.optimal.discrete.linear_quadratic import (
@@ -48,7 +48,6 @@ if TYPE_CHECKING:
         sweep_forward,
     )
     from leastaction.optimal.discrete.projection import ProjectionOperator, linearize_along_curve
-    from leastaction.optimal.discrete.residuals import GaussNewton
     from leastaction.optimal.discrete.rollout import Rollout
     from leastaction.optimal.discrete.sums import CostSum
     from leastaction.optimal.discrete.system import DiscreteSystem, WindowSystem
@@ -88,8 +87,7 @@ else:
             ),
             "leastaction.optimal.discrete.controllability": "Controllability ControllabilityWindow controllability",
             "leastaction.optimal.discrete.cost": "AddedCost Cost CostGradient QuadraticCost WindowCost",
-            "leastaction.optimal.discrete.function_cost": "FunctionCost",
-            "leastaction.optimal.discrete.residuals": "GaussNewton",
+            "leastaction.optimal.discrete.function_cost": "FunctionCost GaussNewton",
             "leastaction.optimal.discrete.sums": "CostSum",
             "leastaction.optimal.remembered.rates": "RateCost",
             "leastaction.optimal.discrete.function_system": "FunctionSystem LinearSystem",

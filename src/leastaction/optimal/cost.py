@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -108,6 +109,20 @@ def matrix_of(weight: Array) -> Array:
     if not is_diagonal(weight):
         return weight
     return np.diag(weight) if weight.ndim == 1 else weight * np.eye(weight.shape[1])
+
+
+def widened(weight: Array, moved: Callable[[Array], Array]) -> Array:
+    """Return a weight by other entries, into which ``moved`` takes rows (..., n): a diagonal remains one."""
+    if weight.ndim == 1:
+        return moved(weight)
+    if is_diagonal(weight):
+        return moved(weight[:, :, 0])[:, :, None]
+    return across(moved(weight), moved)
+
+
+def across(matrices: Array, moved: Callable[[Array], Array]) -> Array:
+    """Return matrices (..., n, m) whose columns are moved, as `widened` moves rows."""
+    return np.ascontiguousarray(np.swapaxes(moved(np.swapaxes(matrices, -1, -2)), -1, -2))
 
 
 def own_matrices(weight: Array, shape: tuple[int, ...]) -> Array:

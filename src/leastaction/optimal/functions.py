@@ -10,12 +10,27 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, brief
 from leastaction.numerics.arrays import Array
-from leastaction.numerics.calls import called
 from leastaction.numerics.differences import central_differences, complex_step
 from leastaction.numerics.tracing import TracedFunction
 
 Derivatives = Callable[[Array, Array, Any], tuple[Any, Any]] | Literal["jax", "complex-step", "finite-differences"]
 Curvature = Callable[[Array, Array, Any, Array], Any] | Literal["jax", "differences"]
+
+
+def called(function: Callable[..., Any], what: str, *arguments: Any) -> Any:
+    """Return what a user's function returns; what it raises passes, but where it cannot be called with the arguments.
+
+    ``what``: what it is, for the message.
+    """
+    try:
+        return function(*arguments)
+    except TypeError as error:
+        traceback = error.__traceback__
+        if traceback is not None and traceback.tb_next is not None:
+            raise
+        raise ArgumentError(
+            f"{what}: got {brief(repr(function))}, expected a function of {len(arguments)} arguments: {error}"
+        ) from error
 
 
 class Functions:
@@ -91,13 +106,7 @@ class Functions:
         return np.asarray(0.5 * (H + H.T))
 
     def _complex_value(self, y: Any, when: Any) -> Any:
-        value = np.asarray(called(self._f, "f", y[: self.nx], y[self.nx :], when))
-        if not np.iscomplexobj(value):
-            raise ArgumentError(
-                "f: got a real result for complex arguments, so the complex step sees no derivative. "
-                "Build the result from the arguments (np.array([...]), np.stack), without float(), "
-                "or give `derivatives`."
-            )
+        value = as_complex("f", called(self._f, "f", y[: self.nx], y[self.nx :], when), "derivatives")
         sized("f", value.real, (self.nx,))
         return value
 
@@ -108,6 +117,17 @@ def _joined(f: Callable[[Any, Any, Any], Any], nx: int, y: Any, when: Any) -> An
 
 def _weighted(f: Callable[[Any, Any, Any], Any], nx: int, y: Any, when: Any, z: Any) -> Any:
     return z @ _joined(f, nx, y, when)
+
+
+def as_complex(name: str, value: Any, instead: str) -> Any:
+    """Return what a function returned for complex arguments; complain of a real result. ``instead``: what to give."""
+    found = np.asarray(value)
+    if not np.iscomplexobj(found):
+        raise ArgumentError(
+            f"{name}: got a real result for complex arguments, so the complex step sees no derivative. Build it of "
+            f"NumPy functions of the arguments (np.array([...]), np.stack), without float(), or give `{instead}`"
+        )
+    return found
 
 
 def sized(name: str, value: Any, shape: tuple[int, ...]) -> Array:

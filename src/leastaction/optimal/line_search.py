@@ -53,16 +53,8 @@ class Refusal:
 class SearchStep(Generic[Iterate]):
     """An accepted step, or the failure to find one.
 
-    Attributes
-    ----------
-    trial : Trial or None
-        The new iterate and its cost; None if there is none.
-    length : float
-        Step length; 0 if no step was accepted.
-    rollouts : int
-        Roll-outs tried.
-    refusal : Refusal or None
-        The last trial that was refused; None if the first was accepted.
+    ``trial``: The new iterate and its cost; None if there is none. ``length``: Step length; 0 if no step was accepted.
+    ``rollouts``: Roll-outs tried. ``refusal``: The last trial that was refused; None if the first was accepted.
     """
 
     trial: Trial[Iterate] | None

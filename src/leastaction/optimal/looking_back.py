@@ -61,10 +61,7 @@ class LookingBack(Quantity):
     def remembered(self) -> tuple[Instants, Instants]:
         """Return where what is needed stands, in places from the end of a state, and from that of its directions.
 
-        Raises
-        ------
-        ArgumentError
-            If it is not remembered.
+        Raises `ArgumentError`: if it is not remembered.
         """
         if self.memory is None:
             raise ArgumentError(

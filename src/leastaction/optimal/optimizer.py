@@ -15,7 +15,7 @@ from leastaction.numerics.arrays import Array, as_array, as_count, read_only, re
 from leastaction.numerics.blas import one_thread
 from leastaction.numerics.frozen import changed
 from leastaction.numerics.piecewise import PiecewisePolynomial
-from leastaction.numerics.pool import Pool, copied
+from leastaction.numerics.pool import Pool, kept
 from leastaction.numerics.public import public
 from leastaction.numerics.warn import warn as warn_of
 from leastaction.optimal.accuracy import Accuracy
@@ -140,7 +140,7 @@ class Optimizer:
         with self._pool:
             result = self.run_once(initial, resume=resume, callback=callback)
             # The next run works where these stand.
-            own = {name: read_only(copied(getattr(result, name))) for name in ("K", "projection_gain")}
+            own = {name: kept(getattr(result, name)) for name in ("K", "projection_gain")}
             self.result = changed(result, **own)
         if is_first:
             self._pool.reserve()
@@ -183,12 +183,12 @@ class Optimizer:
                 callback = self._problem.callback(callback)
             elif resume is not None:
                 _check_unknowns(resume, ())
-        with one_thread() if isinstance(self._problem, _ON_MESH) else _HERE:
+        with _HERE if self._is_discrete or not isinstance(self._problem, _ON_MESH) else one_thread():
             loop = Loop(self._begun(initial, resume), self.options, callback, resume, self.ways)
             if resume is not None and resume.state is not None and resume.state.run.resolved is not None:
                 resume_within(loop.progress, resume, resume.state)
             result = loop.run()
-        if isinstance(self._problem, ContinuousExtension):
+        if not self._is_discrete and isinstance(self._problem, ContinuousExtension):
             result = self._problem.result(result)
         result = result if extension is None else extension.result(result)
         result = result if self._remembered is None else self._remembered.result(result)
@@ -208,25 +208,23 @@ class Optimizer:
     def _begun(self, initial: Any, resume: OptimizationResult | None) -> Problem[Any, Any, Any]:
         """Return the problem at its first iterate, with the memory that the last run has worked in."""
         given = self._problem
+        if isinstance(given, DiscreteProblem):
+            given.renew()
+            if resume is None:
+                given.start(initial)
+            elif resume.state is None or resume.state.run.resolved is None:  # within that it stands elsewhere
+                _check_resumed(resume, has=bool(given.parts.rows))
+                given.resume(resume)
+            return given
         if isinstance(given, _ON_MESH):
             return given.start(initial) if resume is None else given.resume(resume)
-        if isinstance(given, ContinuousProblem):
-            problem = ContinuousProblem(given.system, given.cost, self.options, given.accuracy, self.horizon)
-            if resume is None:
-                problem.start(initial.dense if isinstance(initial, ContinuousOptimizationResult) else initial)
-            else:
-                _check_resumed(resume, has=False)
-                problem.resume(resume)
-            return problem
-        given.renew()
+        problem = ContinuousProblem(given.system, given.cost, self.options, given.accuracy, self.horizon)
         if resume is None:
-            if isinstance(initial, OptimizationResult) and not given.parts.rows:
-                initial = initial.x, initial.u
-            given.start(initial)
-        elif resume.state is None or resume.state.run.resolved is None:  # within that it stands elsewhere
-            _check_resumed(resume, has=bool(given.parts.rows))
-            given.resume(resume)
-        return given
+            problem.start(initial.dense if isinstance(initial, ContinuousOptimizationResult) else initial)
+        else:
+            _check_resumed(resume, has=False)
+            problem.resume(resume)
+        return problem
 
     def again(
         self,

@@ -12,10 +12,9 @@ from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, brief
 from leastaction.numerics.arrays import Array, as_array, as_choice, read_only
-from leastaction.numerics.calls import called
 from leastaction.numerics.differences import central_differences, complex_step
 from leastaction.numerics.tracing import TracedFunction
-from leastaction.optimal.functions import sized
+from leastaction.optimal.functions import as_complex, called, sized
 
 CostDerivatives = Callable[..., tuple[Any, Any]] | Literal["jax", "complex-step"]
 
@@ -31,11 +30,11 @@ class Price(ABC):
         """Return what each point costs (n,)."""
 
     @abstractmethod
-    def slopes(self, x: Array, u: Array, when: Sequence[float]) -> Array:
+    def gradients(self, x: Array, u: Array, when: Sequence[float]) -> Array:
         """Return its first derivatives (n, m)."""
 
     @abstractmethod
-    def bends(self, x: Array, u: Array, when: Sequence[float]) -> Array:
+    def hessians(self, x: Array, u: Array, when: Sequence[float]) -> Array:
         """Return its second derivatives (n, m, m), symmetric."""
 
     @abstractmethod
@@ -43,11 +42,11 @@ class Price(ABC):
         """Return what the last state (nx,) costs."""
 
     @abstractmethod
-    def end_slope(self, x: Array) -> Array:
+    def end_gradient(self, x: Array) -> Array:
         """Return its gradient (nx,)."""
 
     @abstractmethod
-    def end_bend(self, x: Array) -> Array:
+    def end_hessian(self, x: Array) -> Array:
         """Return its second derivatives (nx, nx), symmetric."""
 
 
@@ -79,7 +78,7 @@ class FunctionPrice(Price):
             return self._traced(x.shape[1]).derivative(0, np.hstack([x, u]), np.asarray(when))
         return np.array([_number(self.what, called(self.function, self.what, *at)) for at in _points(x, u, when)])
 
-    def slopes(self, x: Array, u: Array, when: Sequence[float]) -> Array:
+    def gradients(self, x: Array, u: Array, when: Sequence[float]) -> Array:
         n = x.shape[1] + u.shape[1]
         if self.derivatives == "jax":
             found = self._traced(x.shape[1]).derivative(1, np.hstack([x, u]), np.asarray(when))
@@ -88,7 +87,7 @@ class FunctionPrice(Price):
             return np.stack([self._given(*at)[0] for at in _points(x, u, when)])
         return np.stack([_stepped(value, y, self.what) for value, y in self._joined(x, u, when)])
 
-    def bends(self, x: Array, u: Array, when: Sequence[float]) -> Array:
+    def hessians(self, x: Array, u: Array, when: Sequence[float]) -> Array:
         if self.derivatives == "jax":
             H = self._traced(x.shape[1]).derivative(2, np.hstack([x, u]), np.asarray(when))
         elif callable(self.derivatives):
@@ -107,7 +106,7 @@ class FunctionPrice(Price):
             return float(self._end_compiled.derivative(0, x))
         return _number("final", called(self.final, "final", x))
 
-    def end_slope(self, x: Array) -> Array:
+    def end_gradient(self, x: Array) -> Array:
         if self.final is None:
             return np.zeros(len(x))
         if self._end_compiled is not None:
@@ -116,7 +115,7 @@ class FunctionPrice(Price):
             return _pair(called(self.final_derivatives, "final_derivatives", x), "final_derivatives", len(x))[0]
         return _stepped(self.final, x, "final")
 
-    def end_bend(self, x: Array) -> Array:
+    def end_hessian(self, x: Array) -> Array:
         if self.final is None:
             return np.zeros((len(x), len(x)))
         if self._end_compiled is not None:
@@ -157,10 +156,10 @@ class ResidualPrice(Price):
         residuals = [self._at(*at) for at in _points(x, u, when)]
         return np.array([0.5 * float(r @ r) for r in residuals])
 
-    def slopes(self, x: Array, u: Array, when: Sequence[float]) -> Array:
+    def gradients(self, x: Array, u: Array, when: Sequence[float]) -> Array:
         return np.stack([self._at(*at) @ self._jacobian(*at) for at in _points(x, u, when)])
 
-    def bends(self, x: Array, u: Array, when: Sequence[float]) -> Array:
+    def hessians(self, x: Array, u: Array, when: Sequence[float]) -> Array:
         J = np.array([self._jacobian(*at) for at in _points(x, u, when)])
         return np.asarray(J.swapaxes(1, 2) @ J)
 
@@ -168,10 +167,10 @@ class ResidualPrice(Price):
         r = self._last(x)
         return 0.5 * float(r @ r)
 
-    def end_slope(self, x: Array) -> Array:
+    def end_gradient(self, x: Array) -> Array:
         return np.asarray(self._last(x) @ self._of_last(x))
 
-    def end_bend(self, x: Array) -> Array:
+    def end_hessian(self, x: Array) -> Array:
         J = self._of_last(x)
         return np.asarray(J.T @ J)
 
@@ -225,12 +224,7 @@ def _stepped(value: Callable[[Any], Any], y: Array, what: str) -> Array:
     """Return a gradient by the complex step."""
 
     def at(moved: Any) -> Any:
-        found = np.asarray(called(value, what, moved))
-        if not np.iscomplexobj(found):
-            raise ArgumentError(
-                f"{what}: got a real result for complex arguments, so the complex step sees no derivative. Build it of "
-                "NumPy functions of the arguments, without float(), or give `derivatives`"
-            )
+        found = as_complex(what, called(value, what, moved), "derivatives")
         _number(what, found.real)
         return found
 

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError, brief
+from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_places, read_only
-from leastaction.numerics.calls import called
 from leastaction.numerics.differences import central_differences, complex_step
 from leastaction.numerics.names import as_names, matching, some_names
 from leastaction.numerics.public import public
+from leastaction.optimal.functions import as_complex, called, sized
 
 Instants = np.ndarray[tuple[int], np.dtype[np.intp]]
 """Whole numbers: indices of instants, or places in a vector."""
@@ -394,7 +394,7 @@ class FunctionQuantity(Quantity):
         n, size = z.shape
         if self._curvature is not None:
             given = called(self._curvature, "curvature", *self._split(z, at.x.shape[1]), y, *self._instants(at.k))
-            return _shaped(given, (n, size, size), "curvature", self.names)
+            return sized(f"limit {self.names[0]!r}: curvature", given, (n, size, size))
 
         def slope(z: Array) -> Array:
             return np.asarray(np.einsum("kmi,km->ki", self._derivative(at.k, z, at.x.shape[1]), y))
@@ -426,25 +426,9 @@ class FunctionQuantity(Quantity):
         n, size = z.shape
         if self._jacobian is not None:
             given = called(self._jacobian, "jacobian", *self._split(z, nx), *self._instants(k))
-            return _shaped(given, (n, len(self.names), size), "jacobian", self.names)
+            return sized(f"limit {self.names[0]!r}: jacobian", given, (n, len(self.names), size))
 
         def value(moved: Any) -> Any:
-            found = self._called(k, moved, nx)
-            if not np.iscomplexobj(found):
-                raise ArgumentError(
-                    f"limit {self.names[0]!r}: got a real result for complex arguments, so the complex step sees no "
-                    "derivative. Build it of NumPy functions of the arguments, or give `jacobian`"
-                )
-            return found
+            return as_complex(f"limit {self.names[0]!r}", self._called(k, moved, nx), "jacobian")
 
         return complex_step(value, z)
-
-
-def _shaped(value: Any, shape: tuple[int, ...], what: str, names: tuple[str, ...]) -> Array:
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise ArgumentError(f"limit {names[0]!r}: its {what} returned {brief(repr(value))}, expected numbers") from None
-    if array.shape != shape:
-        raise ArgumentError(f"limit {names[0]!r}: its {what} returned shape {array.shape}, expected {shape}")
-    return array

@@ -178,8 +178,8 @@ class OptimizationHistory:
 
 
 _COUNTS = ("rollouts", "cut_at")
-_NUMBERS = tuple(f.name for f in fields(OptimizationHistory) if f.name not in ("cost", "method", *_COUNTS))
-_counts_of, _numbers_of = attrgetter(*_COUNTS), attrgetter(*_NUMBERS)
+_NUMBERS = (*_COUNTS, *(f.name for f in fields(OptimizationHistory) if f.name not in ("cost", "method", *_COUNTS)))
+_numbers_of = attrgetter(*_NUMBERS)
 
 
 class HistoryBuilder:
@@ -193,14 +193,10 @@ class HistoryBuilder:
         self.iterations = 0
         self._method: list[str] = []
         self._numbers: list[tuple[float, ...]] = []
-        self._counts: list[tuple[int, ...]] = []
         if earlier is not None:
             self.cost, self._method = earlier.cost.tolist(), list(earlier.method)
             self.iterations = len(self._method)
-            self._numbers, self._counts = (
-                list(zip(*(each.tolist() for each in columns), strict=True))
-                for columns in (_numbers_of(earlier), _counts_of(earlier))
-            )
+            self._numbers = list(zip(*(each.tolist() for each in _numbers_of(earlier)), strict=True))
 
     @property
     def step_lengths(self) -> list[float]:
@@ -219,16 +215,13 @@ class HistoryBuilder:
             self.iterations += 1
             self._method.append(record.method)
             self._numbers.append(_numbers_of(record))
-            self._counts.append(_counts_of(record))
 
     def build(self) -> OptimizationHistory:
-        """Return the arrays: one for all numbers, and one for all counts, in parts."""
+        """Return the arrays: parts of one of all numbers, and of one of all counts."""
         numbers = np.array(self._numbers, dtype=np.float64).reshape(-1, len(_NUMBERS)).T.copy()
-        counts = np.array(self._counts, dtype=np.int64).reshape(-1, len(_COUNTS)).T.copy()
-        return made(
-            OptimizationHistory, cost=np.array(self.cost, dtype=np.float64), method=tuple(self._method),
-            **dict(zip(_NUMBERS, numbers, strict=True)), **dict(zip(_COUNTS, counts, strict=True)),
-        )  # fmt: skip
+        columns = dict(zip(_NUMBERS, numbers, strict=True))
+        columns.update(zip(_COUNTS, numbers[: len(_COUNTS)].astype(np.int64), strict=True))
+        return made(OptimizationHistory, cost=np.array(self.cost), method=tuple(self._method), **columns)
 
     def _column(self, name: str) -> list[float]:
         at = _NUMBERS.index(name)

@@ -125,6 +125,10 @@ class Begun(Frozen):
     ease: float = 1.0
 
 
+NOT_BEGUN, NOT_RUN = Begun(), RunState()
+"""What a search and a run remember before there was anything."""
+
+
 @dataclass(frozen=True)
 class SearchState(Frozen):
     """What the parts of a search need to go on where it ended: each puts its own back.
@@ -133,8 +137,8 @@ class SearchState(Frozen):
     of a mesh, where the horizon is continuous.
     """
 
-    run: RunState = RunState()
-    begun: Begun = Begun()
+    run: RunState = NOT_RUN
+    begun: Begun = NOT_BEGUN
     gaps: Gaps | None = None
     mesh: OnMesh | None = None
 

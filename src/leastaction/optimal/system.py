@@ -186,7 +186,7 @@ class System(ABC):
         """Names of the entries of the state."""
         return self.quantity("state").names
 
-    @property
+    @cached_property
     def input_names(self) -> tuple[str, ...]:
         """Names of the entries of the input."""
         return tuple(self.input_name(i) for i in range(self.nu))

@@ -21,13 +21,7 @@ from leastaction.optimal.optimizer import optimized
 from leastaction.optimal.options import Method
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.starts import HelpedCost, StartResult, StartStatus, continuation
-from leastaction.optimal.starts.stages import (
-    StageCallback,
-    StartStages,
-    check_last_limits,
-    check_options,
-    check_stages,
-)
+from leastaction.optimal.starts.stages import StageCallback, StartStages, check_last_limits, check_options, check_stages
 from leastaction.systems.midpoint import MidpointSystem
 
 _ENOUGH = Status.CONVERGED, Status.STALLED, Status.SADDLE

@@ -21,6 +21,7 @@ from leastaction.errors import (
 from leastaction.mechanics.configuration.assembly import check_consistent, project_configuration
 from leastaction.mechanics.configuration.null_space import NullSpace
 from leastaction.mechanics.discrete.balance import balance_of
+from leastaction.mechanics.discrete.derivatives import linearize_arrays
 from leastaction.mechanics.discrete.linearization import StepDerivatives, step_pattern
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.outcome import quality_of, step_error
@@ -214,8 +215,8 @@ class MidpointSystem(DiscreteSystem):
         return None if bare is given else np.asarray(bare)
 
     def check_start(self, x: Array) -> None:
-        m = self.mechanism.at_time(self.t[0])
-        if m.nc:
+        if self.mechanism.nc:
+            m = self.mechanism.at_time(self.t[0])
             try:
                 check_consistent(m, np.ascontiguousarray(x[: m.nq]), tolerance=_OFF)
             except InconsistentStartError as error:
@@ -407,7 +408,8 @@ class MidpointSystem(DiscreteSystem):
         return self._linearization(d), by[:, :, None]
 
     def own_linearize(self, x: Array, u: Array, out: Linearization | None) -> Linearization:
-        return self._linearization(self._linearize(self.t, x, u, self.first_share, _memory_of(out)))
+        d = self._linearize(self.t, x, u, self.first_share, _memory_of(out))
+        return self._linearization(d) if out is None or out.memory is not d else out
 
     def _linearization(self, d: StepDerivatives) -> Linearization:
         return made(
@@ -437,9 +439,10 @@ class MidpointSystem(DiscreteSystem):
     def own_linearize_each(self, x: Array, u: Array, ends: Array) -> Linearization | None:
         if type(self).derivatives is not MidpointSystem.derivatives:
             return None
-        d = self.integrator.linearize_arrays(
-            self.t, self._bare(x), u, multipliers=self.multipliers, ends=self._bare(ends), first_share=self.first_share
-        )
+        d = linearize_arrays(
+            self.integrator, self.t, self._bare(x), u, multipliers=self.multipliers, ends=self._bare(ends),
+            first_share=self.first_share,
+        )  # fmt: skip
         return self._linearization(d)
 
     def curvatures(self, x: Array, u: Array, z: Array) -> Array:
@@ -503,15 +506,10 @@ class MidpointSystem(DiscreteSystem):
         out: StepDerivatives | None = None,
         by_time_step: Array | None = None,
     ) -> StepDerivatives:
-        return self.integrator.linearize_arrays(
-            t,
-            self._bare(x),
-            u,
-            multipliers=self.multipliers,
-            out=out,
-            first_share=first_share,
+        return linearize_arrays(
+            self.integrator, t, self._bare(x), u, multipliers=self.multipliers, out=out, first_share=first_share,
             by_time_step=by_time_step,
-        )
+        )  # fmt: skip
 
     def _remade(self, integrator: MidpointVI, t: Array, first_share: float) -> Self:
         """Return the same system with another integrator or other times.

@@ -97,10 +97,7 @@ class MissingTurn:
 def quaternions_of(given: Orientation, what: str, t: Array) -> Array:
     """Return the unit quaternions (1, 4) or (n, 4) of an orientation that is wanted at times t (n,).
 
-    Raises
-    ------
-    ArgumentError
-        What is no rotation.
+    Raises `ArgumentError`: what is no rotation.
     """
     if callable(given):
         value = np.array([as_array(given(float(time)), f"{what} at t = {time:g} s", (3, 3)) for time in t])

@@ -20,13 +20,7 @@ from leastaction.optimal.limits.limit import Bound
 from leastaction.optimal.optimizer import optimized
 from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.starts import StartResult, StartStatus, continuation
-from leastaction.optimal.starts.stages import (
-    StageCallback,
-    StartStages,
-    check_last_limits,
-    check_options,
-    check_stages,
-)
+from leastaction.optimal.starts.stages import StageCallback, StartStages, check_last_limits, check_options, check_stages
 from leastaction.systems.assembly_modes import on_the_best_mode
 from leastaction.systems.midpoint import MidpointSystem
 from leastaction.systems.pulled import PulledSystem

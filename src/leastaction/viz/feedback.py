@@ -28,10 +28,7 @@ _INPUTS: Final = 3
 @public
 @styled
 def plot_feedback(
-    result: OptimizationResult,
-    *,
-    system: DiscreteSystem | ContinuousSystem | None = None,
-    title: str = "",
+    result: OptimizationResult, *, system: DiscreteSystem | ContinuousSystem | None = None, title: str = ""
 ) -> Figure:
     """Draw the gains about an optimised motion, and the eigenvalues of the system under them along it.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -12,7 +11,7 @@ import numpy.typing as npt
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
-from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.arrays import Array, as_wanted
 from leastaction.numerics.public import public
 from leastaction.optimal.limits.limit import Limit, checked_limits
 from leastaction.optimal.result import OptimizationResult
@@ -125,7 +124,7 @@ def _wanted(reference: Reference, states: list[Signal], inputs: list[Signal], n:
     found: dict[Key, Signal] = {}
     for given, signals in pairs:
         rows = n if signals is states else len(signals[0].t) if signals else n - 1
-        values = _with_gaps(given, (rows, None))
+        values = as_wanted(given, "plot_run: reference", (rows, None))
         if values.shape[1] > len(signals):
             raise ArgumentError(
                 f"plot_run: reference: got {values.shape[1]} columns, expected those of {len(signals)} "
@@ -134,15 +133,6 @@ def _wanted(reference: Reference, states: list[Signal], inputs: list[Signal], n:
         columns = [(s, column) for s, column in zip(signals, values.T, strict=False) if not np.isnan(column).all()]
         found |= {s.key: replace(s, values=column) for s, column in columns}
     return found
-
-
-def _with_gaps(given: Any, shape: tuple[int | None, ...]) -> Array:
-    """Return a reference as an array, with NaN where it has any."""
-    gaps: Any = False
-    with suppress(TypeError, ValueError):
-        gaps = np.isnan(np.asarray(given, dtype=np.float64))
-    values = as_array(np.where(gaps, 0.0, given) if np.any(gaps) else given, "plot_run: reference", shape)
-    return np.where(gaps, np.nan, values)
 
 
 def _lonely(values: Array) -> list[int]:

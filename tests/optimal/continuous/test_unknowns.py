@@ -33,8 +33,7 @@ from leastaction.limits import FinalTime, Keep, Parameter, Periodic
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.optimal import LinearContinuousSystem, PiecewisePolynomial, Status
 from leastaction.optimal.accuracy import Accuracy
-from leastaction.optimal.collocation.layout import NodeLayout
-from leastaction.optimal.collocation.mesh import MATRIX, STAGES
+from leastaction.optimal.collocation.mesh import MATRIX, STAGES, NodeLayout
 from leastaction.optimal.continuous import FunctionContinuousSystem
 from leastaction.optimal.unknowns.continuous.cost import ExtendedContinuousCost
 from leastaction.optimal.unknowns.continuous.system import ExtendedContinuousSystem

@@ -65,10 +65,7 @@ def find_example(wanted: str) -> Example:
 def run_example(example: Example, output: Path) -> None:
     """Run a script: it prints what it finds, and writes its picture into a folder.
 
-    Raises
-    ------
-    ArgumentError
-        If it needs a package that is not installed.
+    Raises `ArgumentError`: if it needs a package that is not installed.
     """
     name = f"leastaction_example_{example.name}"
     spec = importlib.util.spec_from_file_location(name, example.file)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 
 from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from leastaction.apps.cli.options import OutputOptions
 from leastaction.errors import ArgumentError
@@ -56,3 +57,12 @@ def _check_pictures() -> None:
             "the plots need matplotlib, which is not installed. "
             "Install it (pip install 'leastaction[viz]'), or run with --no-plots"
         )
+
+
+@contextmanager
+def progress_bar(what: str, total: int, console: Console) -> Iterator[Callable[[int], None]]:
+    """Show a bar while something is done; yields what is to be called with how much of it is done."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda done: bar.update(task, completed=done)

@@ -43,10 +43,7 @@ def formula(text: str) -> Callable[[Any], Any]:
 
     Numbers, + - * / **, pi, t and functions: sin, cos, ... and ``smooth(t, start, end)``, which goes from 0 to 1.
 
-    Raises
-    ------
-    ArgumentError
-        For what is no formula.
+    Raises `ArgumentError`: what is no formula.
     """
     try:
         body = ast.parse(text.strip(), mode="eval").body

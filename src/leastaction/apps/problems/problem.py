@@ -13,19 +13,32 @@ import numpy as np
 
 from leastaction.apps.problems import records
 from leastaction.apps.problems.formulas import formula
-from leastaction.apps.problems.models import ready_model
 from leastaction.apps.problems.records import FORMAT, ProblemRecord
 from leastaction.apps.problems.wanted import keyframe_values, wanted_of
 from leastaction.errors import ArgumentError, LeastActionError
-from leastaction.io.mechanisms import Model, load
-from leastaction.mechanics import MidpointVI, State, project_configuration, project_velocity
-from leastaction.models import MODELS
+from leastaction.io.mechanisms import Keyframe, Model, load
+from leastaction.mechanics import Mechanism, MidpointVI, State, project_configuration, project_velocity
+from leastaction.models import MODELS, build
+from leastaction.models.marionette import rest_pose
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.documents import Document, Place, check_format, read_document
 from leastaction.optimal import Bound, Equal, FinalTime, Parameter, Periodic
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.unknowns.unknown import Unknown
 from leastaction.systems import Ball, Box, HalfSpace, Keep, MidpointSystem
+
+_AT_REST: dict[str, Callable[[Mechanism], Array]] = {"marionette": rest_pose}
+
+
+def ready_model(name: str) -> Model:
+    """Return a ready model by name; where it has a pose at rest, that is its keyframe ``rest``."""
+    mechanism = build(name)
+    poses = {"rest": _AT_REST[name](mechanism)} if name in _AT_REST else {}
+    keyframes = {each: Keyframe(q=mechanism.named(q)) for each, q in poses.items()}
+    return Model(
+        mechanism=mechanism, name=name, keyframes=keyframes, reference=dict(keyframes["rest"].q) if keyframes else {}
+    )
+
 
 _MODEL_FILES = (".urdf", ".xml", ".mjcf", ".yaml", ".yml", ".json")
 _MOST_STEPS = 1_000_000

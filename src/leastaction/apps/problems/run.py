@@ -112,10 +112,7 @@ def solve(
 ) -> Followed:
     """Return the motion that a problem asks for; see `run_problem`.
 
-    Raises
-    ------
-    LeastActionError
-        With the place in the file, where it is one of the file's.
+    Raises `LeastActionError`: with the place in the file, where it is one of the file's.
     """
     shown = {} if console is None else _progress(console)
     m = problem.model.mechanism

@@ -24,10 +24,7 @@ from leastaction.numerics.names import matching
 def wanted_of(parts: Sequence[Any], model: Model, t: Array, document: Document) -> dict[str, Array]:
     """Return what is wanted: (N+1,) of variables, (N+1, 3) of frames.
 
-    Raises
-    ------
-    ModelFileError
-        With the place of what is wrong.
+    Raises `ModelFileError`: with the place of what is wrong.
     """
     found: dict[str, Array] = {}
     for index, part in enumerate(parts):

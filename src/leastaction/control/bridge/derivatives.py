@@ -38,10 +38,7 @@ class BatchedSystem:
 
         The first is x0 as it is; a quaternion in it may have any length, the others are unit quaternions.
 
-        Raises
-        ------
-        StepError
-            Some step has no solution.
+        Raises `StepError`: some step has no solution.
         """
         starts, inputs = np.array(x0, dtype=np.float64), np.array(u, dtype=np.float64)
         batch = starts.shape[:-1]

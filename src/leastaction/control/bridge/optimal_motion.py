@@ -36,10 +36,7 @@ def with_values(system: DiscreteSystem, names: Sequence[str], values: Array) -> 
 def checked_names(system: DiscreteSystem, parameters: Sequence[str]) -> tuple[str, ...]:
     """Return names of parameters of a system.
 
-    Raises
-    ------
-    ArgumentError
-        One that it has not.
+    Raises `ArgumentError`: one that it has not.
     """
     names = tuple(parameters)
     for name in names:
@@ -74,10 +71,7 @@ class OptimalMotion:
     def solve(self, x0: Array, values: Array) -> tuple[Array, Array]:
         """Return the optimum x (N+1, nx), u (N, nu).
 
-        Raises
-        ------
-        ArgumentError
-            None was found.
+        Raises `ArgumentError`: none was found.
         """
         system = with_values(self.system, self.names, values)
         found = optimize(system, self.cost, initial=(np.array(x0, dtype=np.float64), self.guess), **self.settings)
@@ -88,10 +82,7 @@ class OptimalMotion:
     def slopes(self, x: Array, u: Array, values: Array) -> tuple[Array, Array, Array]:
         """Return how an optimum follows (x_0, parameters): dx (N+1, nx, n), du (N, nu, n), and its cost (n,).
 
-        Raises
-        ------
-        ArgumentError
-            It is no strict minimum: of second order.
+        Raises `ArgumentError`: it is no strict minimum: of second order.
         """
         system, names = with_values(self.system, self.names, values), self.names
         x, u = (read_only(np.array(each, dtype=np.float64)) for each in (x, u))

@@ -36,19 +36,9 @@ _PUSHING = 100.0  # 1/J, the price of the energy of a spring that pushes
 class Regulator:
     """A predictive controller along a plan; see the module. For one thread at a time: it goes forward along the plan.
 
-    Parameters
-    ----------
-    model : MidpointSystem
-        With elastic strings that only pull.
-    x, u : ndarray (N+1, nx), (N, nu)
-        The plan. The model need not go along it.
-    Q, R : array_like
-        Weights, as of `regulate`.
-
-    Raises
-    ------
-    ArgumentError
-        Where the model has no steps along the plan, or with weights for which there is no regulator.
+    ``model``: With elastic strings that only pull. ``x``, ``u`` (N+1, nx), (N, nu): The plan. The model need not go
+    along it. ``Q``, ``R``: Weights, as of `regulate`. Raises `ArgumentError`: where the model has no steps along the
+    plan, or with weights for which there is no regulator.
     """
 
     def __init__(self, model: MidpointSystem, x: Array, u: Array, Q: ArrayLike, R: ArrayLike) -> None:

@@ -20,19 +20,10 @@ from leastaction.mechanics.description.affine import Affine
 class Names:
     """Names of a file and what they are in the mechanism.
 
-    Attributes
-    ----------
-    world : str
-        The frame of the world.
-    bodies, sites : mapping of str to str
-        The frame of each body and site.
-    values : mapping of str to Affine
-        The value of each hinge and slide, as the file counts it: a variable; of a joint that follows another an
-        expression of that one's; of a joint that was fixed a number (``value.terms`` is empty).
-    joints : mapping of str to JointPart
-        The joints that move, those of several variables too.
-    all_joints : tuple of JointPart
-        Those of the file, in its order, the fixed ones too.
+    ``world``: The frame of the world. ``bodies``, ``sites``: The frame of each body and site. ``values``: The value of
+    each hinge and slide, as the file counts it: a variable; of a joint that follows another an expression of that
+    one's; of a joint that was fixed a number (``value.terms`` is empty). ``joints``: The joints that move, those of
+    several variables too. ``all_joints``: Those of the file, in its order, the fixed ones too.
     """
 
     world: str

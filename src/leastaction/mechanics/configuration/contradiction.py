@@ -57,12 +57,7 @@ class Contradiction:
 
 @public
 def find_contradiction(
-    mechanism: Mechanism,
-    q: Row,
-    *,
-    hold: Sequence[str] = (),
-    move_kinematic: bool = False,
-    tolerance: float = 1e-9,
+    mechanism: Mechanism, q: Row, *, hold: Sequence[str] = (), move_kinematic: bool = False, tolerance: float = 1e-9
 ) -> Contradiction | None:
     """Return the constraints that keep each other from being met near a configuration.
 

@@ -219,14 +219,7 @@ class ContinuousDynamics:
         return AccelerationTensors(out[: self.mechanism.nd], out[self.mechanism.nd :])
 
     def _points(
-        self,
-        q: Row,
-        v: Row,
-        u: ArrayLike | None,
-        rho_a: ArrayLike | None,
-        t: ArrayLike,
-        *,
-        a: ArrayLike | None = None,
+        self, q: Row, v: Row, u: ArrayLike | None, rho_a: ArrayLike | None, t: ArrayLike, *, a: ArrayLike | None = None
     ) -> _Points:
         m = self.mechanism
         given = (q, v) if a is None else (q, v, a)

@@ -27,11 +27,7 @@ class Equations:
     """
 
     def __init__(
-        self,
-        dynamics: ContinuousDynamics,
-        law: WholeInput,
-        motion: Prescribed | None,
-        projection: Projection | None,
+        self, dynamics: ContinuousDynamics, law: WholeInput, motion: Prescribed | None, projection: Projection | None
     ) -> None:
         self.dynamics = dynamics
         self.mechanism = dynamics.mechanism

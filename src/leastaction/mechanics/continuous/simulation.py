@@ -18,11 +18,7 @@ from leastaction.mechanics.continuous.integration import Progress
 from leastaction.mechanics.continuous.monitoring import Passages, tell
 from leastaction.mechanics.continuous.monitoring import balance as energy_balance
 from leastaction.mechanics.continuous.prescribed import Prescribed, PrescribedMotion, as_prescribed
-from leastaction.mechanics.continuous.signals import (
-    ContinuousSignal,
-    InputLaw,
-    WholeInput,
-)
+from leastaction.mechanics.continuous.signals import ContinuousSignal, InputLaw, WholeInput
 from leastaction.mechanics.continuous.stabilisation import Baumgarte, Projection, as_handling, check_start_consistent
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory, DenseOutput, IntegrationStatus
 from leastaction.mechanics.mechanism.arguments import rates, single

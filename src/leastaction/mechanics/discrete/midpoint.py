@@ -17,12 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction import _core
-from leastaction.errors import (
-    ArgumentError,
-    CoarseStepWarning,
-    StepError,
-    closest,
-)
+from leastaction.errors import ArgumentError, CoarseStepWarning, StepError, closest
 from leastaction.mechanics.configuration.assembly import (
     CONFIGURATION_TOLERANCE,
     VELOCITY_TOLERANCE,
@@ -37,9 +32,9 @@ from leastaction.mechanics.discrete import step_sensitivity as of_steps
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.outcome import step_error
 from leastaction.mechanics.discrete.prescribed import held, reached, step_to
-from leastaction.mechanics.discrete.step import Step
 from leastaction.mechanics.discrete.trajectory import (
     State,
+    Step,
     Trajectory,
     check_state,
     state_in,

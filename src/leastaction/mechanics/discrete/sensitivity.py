@@ -113,7 +113,8 @@ def start_by(vi: Integrator, q: Array, names: Sequence[str], hold: Sequence[str]
     inputs = np.concatenate([none, held(m, q[m.first_rho :])])[None, :]
     C = m.constraint_jacobian(q)[:, : m.nd]
     if m.core.timed:  # its constraints do not stay where they are
-        dq = np.linalg.lstsq(C, -np.stack([_values_by(m, q, name) for name in names], axis=1), rcond=_ROUNDING)[0]
+        by = _by_numbers(m, names, lambda changed: changed.constraint_values(q))
+        dq = np.linalg.lstsq(C, -by, rcond=_ROUNDING)[0]
     else:
         dq = steps_by(vi, np.array([0.0, dt]), still, inputs, names).x[0, : m.nd]
     needed, size = C @ dq, np.abs(C) @ np.abs(dq)
@@ -151,7 +152,7 @@ def velocity_by(m: Mechanism, q: Array, v: Array, names: Sequence[str], dq: Arra
     C = m.constraint_jacobian(q)
     bends = np.stack([m.core.constraint_hessian(q, row) for row in np.eye(m.nc)])
     turned = (np.einsum("cij,i->cj", bends, v) + rates_turned(m, C, v) + m.core.constraint_drift(q)[1])[:, : m.nd] @ dq
-    turned += np.stack([_rates_by(m, q, v, name) for name in names], axis=1)
+    turned += _by_numbers(m, names, lambda changed: changed.constraint_rates(q, v))
     size = np.abs(C) @ np.abs(v)
     moved = np.abs(turned) > _ROUNDING * np.maximum(1.0, size)[:, None]
     if not moved.any():
@@ -173,23 +174,17 @@ def velocity_by(m: Mechanism, q: Array, v: Array, names: Sequence[str], dq: Arra
     return dv
 
 
-def _rates_by(m: Mechanism, q: Array, v: Array, name: str) -> Array:
-    """Return the derivative (nc,) of the constraints' rates by a parameter, q and v held."""
-    return _by_number(m, name, lambda changed: changed.constraint_rates(q, v))
-
-
-def _values_by(m: Mechanism, q: Array, name: str) -> Array:
-    """Return the derivative (nc,) of the constraints by a parameter, q held."""
-    return _by_number(m, name, lambda changed: changed.constraint_values(q))
-
-
-def _by_number(m: Mechanism, name: str, of: Callable[[Mechanism], Array]) -> Array:
-    """Return the derivative of what is asked of a mechanism by one of its parameters.
+def _by_numbers(m: Mechanism, names: Sequence[str], of: Callable[[Mechanism], Array]) -> Array:
+    """Return the derivatives (nc, len(names)) of what is asked of constraints by some parameters.
 
     By differences of fourth order; constraints are polynomials in most of their numbers, so it is exact to rounding.
     """
-    value = m.parameters[name]
-    return fourth_order(lambda by: of(m.with_parameters({name: value + by})), _STEP * (abs(value) or 1.0))
+
+    def by_one(name: str) -> Array:
+        value = m.parameters[name]
+        return fourth_order(lambda by: of(m.with_parameters({name: value + by})), _STEP * (abs(value) or 1.0))
+
+    return np.stack([by_one(name) for name in names], axis=1)
 
 
 def _accumulate(A: Array, added: Array, x: Array) -> None:

@@ -181,11 +181,7 @@ class _Run:
         self._pieces = [_Piece(t[:1], u[:0], start[None, :], nothing, np.empty((0, 5)))]
 
     def go(
-        self,
-        law: StateLaw | None,
-        law_at: LawAt,
-        refiner: Refiner | None,
-        progress: Callable[[int, int], None] | None,
+        self, law: StateLaw | None, law_at: LawAt, refiner: Refiner | None, progress: Callable[[int, int], None] | None
     ) -> tuple[SimulationStatus, str]:
         """Make all steps, or as many as can be; return how that ended."""
         N = len(self.u)
@@ -252,13 +248,7 @@ class _Run:
         """Make some of the given steps, with the inputs that there are."""
         k, stop = self.given, self.given + count
         return self.vi.core.roll_out(
-            self.t[k : stop + 1],
-            self.x.copy(),
-            None,
-            self.u[k:stop],
-            None,
-            energies=energies,
-            interruptible=energies,
+            self.t[k : stop + 1], self.x.copy(), None, self.u[k:stop], None, energies=energies, interruptible=energies
         )
 
     def _keep(self, out: _core.RollOut, wanted: int) -> None:

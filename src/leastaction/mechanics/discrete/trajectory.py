@@ -257,3 +257,26 @@ def trajectory_of(m: Mechanism, t: Array, x: Array, u: Array, lam: Array, **told
     """
     p, v_rho = x[:, m.nq : m.nq + m.nd], x[:, m.nq + m.nd :]
     return Trajectory(m, t, x[:, : m.nq], u[:, : m.n_inputs], lam, p=p, v_rho=v_rho, **told)
+
+
+@public
+@dataclass(frozen=True)
+class Step:
+    """One solved time step. Nothing in it changes: threads may share it.
+
+    Attributes
+    ----------
+    state : State
+        The state at its end.
+    lam : ndarray, shape (nc,)
+        Multipliers (impulses).
+    iterations : int
+        Newton iterations.
+    quality : StepQuality or None
+        How coarse it was.
+    """
+
+    state: State
+    lam: Array
+    iterations: int
+    quality: StepQuality | None = None

@@ -15,14 +15,7 @@ from leastaction.mechanics.description.frames import PRIMITIVES, Frame
 from leastaction.mechanics.description.joints import screw_detail, screw_twist
 from leastaction.mechanics.description.poses import pose
 from leastaction.mechanics.description.tree import Tree, TreeFrame
-from leastaction.mechanics.mechanism.parameters import (
-    AXES,
-    BodyNumber,
-    JointNumber,
-    Length,
-    Place,
-    Prescribed,
-)
+from leastaction.mechanics.mechanism.parameters import AXES, BodyNumber, JointNumber, Length, Place, Prescribed
 
 
 def with_values(tree: Tree, changes: Mapping[Place, float], *, allow_nonphysical: bool = False) -> Tree:

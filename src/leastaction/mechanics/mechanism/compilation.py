@@ -20,18 +20,9 @@ from leastaction.numerics.arrays import Array
 class Plan:
     """Everything that a compiled mechanism knows by name, checked.
 
-    Attributes
-    ----------
-    tree : Tree
-        Frames and joints.
-    elements : dict of str to Element
-        By their unique names, in the order given.
-    dynamic, kinematic, inputs, constraints : tuple of str
-        Names in the order of every array.
-    numbers : dict of str to float
-        Values of parameters that have been changed and are no field of their element.
-    shared : dict of str to tuple of str
-        Parameters that stand for several, which have one value.
+    ``tree``: Frames and joints. ``elements``: By their unique names, in the order given. ``dynamic``, ``kinematic``,
+    ``inputs``, ``constraints``: Names in the order of every array. ``numbers``: Values of parameters that have been
+    changed and are no field of their element. ``shared``: Parameters that stand for several, which have one value.
     """
 
     tree: Tree

@@ -6,14 +6,7 @@ from html import escape
 
 from leastaction.errors import some
 from leastaction.mechanics.mechanism.compilation import Plan
-from leastaction.mechanics.mechanism.view import (
-    MOST_NAMES,
-    Row,
-    element_lines,
-    name_lines,
-    shared_variables,
-    tree_rows,
-)
+from leastaction.mechanics.mechanism.view import MOST_NAMES, Row, element_lines, name_lines, shared_variables, tree_rows
 
 # Text has the notebook's own colour and everything else is a tint of it, or of a hue that reads on both
 # a light and a dark ground, so no theme has to be guessed.

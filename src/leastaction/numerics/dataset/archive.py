@@ -11,7 +11,8 @@ import math
 import os
 import stat
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -62,19 +63,32 @@ def read_archive(path: str | os.PathLike[str]) -> Archive:
     Raises `ResultFileError`: the file is missing, damaged, or none of these archives; the message says which.
     """
     source = Path(path)
+    with reading(source) as size, zipfile.ZipFile(source) as file:
+        entries = _judged(source, file, size)
+        text = _array(file.read(entries.pop(_TEXT)))
+        arrays = {name: _array(file.read(entry)) for name, entry in entries.items()}
+    if text.dtype.kind != "U" or text.shape != ():
+        raise ResultFileError(
+            f"{source} is damaged: {_TEXT} is an array {text.shape} of {text.dtype}, expected a text. "
+            "Copy it again, or run the optimisation again"
+        )
+    return Archive(str(text), arrays)
+
+
+@contextmanager
+def reading(source: Path) -> Iterator[int]:
+    """Yield the size of a file that is read; raise a `ResultFileError` for whatever its readers raise."""
     try:
         about = source.stat()
         if not stat.S_ISREG(about.st_mode):
             raise ResultFileError(f"cannot read {source}: it is no regular file. Give the file of an earlier run")
-        with zipfile.ZipFile(source) as file:
-            entries = _judged(source, file, about.st_size)
-            text = _array(file.read(entries.pop(_TEXT)))
-            arrays = {name: _array(file.read(entry)) for name, entry in entries.items()}
+        yield about.st_size
     except ResultFileError:
         raise
     except OSError as error:
+        reason = " ".join(str(error.strerror or error).split())[:200]
         raise ResultFileError(
-            f"cannot read {source}: {error.strerror or error}. Give the file of an earlier run"
+            f"cannot read {source}: {reason}. It is damaged, cut short or not there; give the file of an earlier run"
         ) from error
     # A damaged file makes its readers raise nearly anything; to the caller it is all the same.
     except Exception as error:
@@ -83,12 +97,6 @@ def read_archive(path: str | os.PathLike[str]) -> Archive:
             f"{source} is damaged, cut short or no result of leastaction ({reason}). "
             "Copy it again, or run the optimisation again"
         ) from error
-    if text.dtype.kind != "U" or text.shape != ():
-        raise ResultFileError(
-            f"{source} is damaged: {_TEXT} is an array {text.shape} of {text.dtype}, expected a text. "
-            "Copy it again, or run the optimisation again"
-        )
-    return Archive(str(text), arrays)
 
 
 def _judged(source: Path, file: zipfile.ZipFile, size: int) -> dict[str, zipfile.ZipInfo]:

@@ -6,7 +6,6 @@ Other programs read names and units at each array. What this package reads is th
 from __future__ import annotations
 
 import io
-import stat
 import zlib
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from leastaction.errors import ArgumentError, OutputError, ResultFileError
-from leastaction.numerics.dataset.archive import Archive
+from leastaction.numerics.dataset.archive import Archive, reading
 from leastaction.numerics.dataset.dataset import AnyArray, Dataset
 from leastaction.numerics.dataset.text import text_of
 from leastaction.numerics.extras import extra
@@ -56,34 +55,16 @@ def write_hdf5(dataset: Dataset, path: Path) -> Path:
 def read_hdf5(source: Path) -> Archive:
     """Return text and arrays of a file, read-only; raise a `ResultFileError` where it is none of these."""
     h5py = extra("h5py", of="data", why=f"{source.name}")
-    try:
-        about = source.stat()
-        if not stat.S_ISREG(about.st_mode):
-            raise ResultFileError(f"cannot read {source}: it is no regular file. Give the file of an earlier run")
-        with h5py.File(source, "r") as file:
-            if _TEXT not in file:
-                raise ResultFileError(
-                    f"{source} is no result of leastaction: it lacks {_TEXT}. Give the file of an earlier run"
-                )
-            text = str(file[_TEXT].asstr()[()])
-            if zlib.crc32(text.encode()) != int(file.attrs[_CHECK]):
-                raise ValueError("its text has changed")
-            arrays: dict[str, AnyArray] = {}
-            _read(h5py, file, "", arrays, about.st_size)
-    except ResultFileError:
-        raise
-    except OSError as error:
-        reason = " ".join(str(error.strerror or error).split())[:200]
-        raise ResultFileError(
-            f"cannot read {source}: {reason}. It is damaged, cut short or not there; give the file of an earlier run"
-        ) from error
-    # A damaged file makes its reader raise nearly anything; to the caller it is all the same.
-    except Exception as error:
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
-        raise ResultFileError(
-            f"{source} is damaged, cut short or no result of leastaction ({reason}). "
-            "Copy it again, or run the optimisation again"
-        ) from error
+    with reading(source) as size, h5py.File(source, "r") as file:
+        if _TEXT not in file:
+            raise ResultFileError(
+                f"{source} is no result of leastaction: it lacks {_TEXT}. Give the file of an earlier run"
+            )
+        text = str(file[_TEXT].asstr()[()])
+        if zlib.crc32(text.encode()) != int(file.attrs[_CHECK]):
+            raise ValueError("its text has changed")
+        arrays: dict[str, AnyArray] = {}
+        _read(h5py, file, "", arrays, size)
     return Archive(text, arrays)
 
 

@@ -26,7 +26,7 @@ from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.search.problem import DiscreteProblem
 from leastaction.optimal.system import check_system
 
-_LENGTHS = np.linspace(0.0, 1.5, 31)
+_LENGTHS = np.linspace(0.0, 1.5, 31)  # step lengths, up to half beyond the minimum of the model
 
 
 @public

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.collocation.layout import NodeLayout
-from leastaction.optimal.collocation.mesh import STAGES
+from leastaction.optimal.collocation.mesh import STAGES, NodeLayout
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian

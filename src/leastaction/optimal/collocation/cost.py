@@ -7,8 +7,7 @@ from abc import abstractmethod
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.collocation.layout import NodeLayout
-from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
+from leastaction.optimal.collocation.mesh import STAGES, NodeLayout, RadauMesh
 from leastaction.optimal.continuous.cost import ContinuousCost, ContinuousQuadraticCost, RateHessian
 from leastaction.optimal.discrete.cost import Cost, CostGradient, convex
 from leastaction.optimal.discrete.hessians import CostHessian

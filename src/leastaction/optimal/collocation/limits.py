@@ -10,8 +10,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import read_only
-from leastaction.optimal.collocation.layout import NodeLayout
-from leastaction.optimal.collocation.mesh import STAGES, RadauMesh
+from leastaction.optimal.collocation.mesh import STAGES, NodeLayout, RadauMesh
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.limit_report import LimitState
 from leastaction.optimal.limits.charts import numbered

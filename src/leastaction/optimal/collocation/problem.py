@@ -109,12 +109,7 @@ class Collocation:
         own = self.own
         own.resume(result)
         self._times(own.here.trajectory.t0, own.here.trajectory.tf)
-        mesh = None if result.state is None else result.state.mesh
-        if mesh is None:
-            raise ArgumentError(
-                "resume: got a result that was not found on a mesh, expected one with the limits of this call. Give it "
-                "as initial"
-            )
+        mesh = mesh_of(result, "limits")
         grid = MeshGrid(self, RadauMesh(mesh.breaks), mesh.rounds)
         problem = grid.resume(mesh, result)
         grid.moved = mesh.moved
@@ -372,6 +367,16 @@ class MeshGrid(TimeGrid):
             return LimitReport((), np.nan, 0.0)
         report = problem.parts.report()
         return replace(report, sides=told(self.sides, report.sides, self.mesh))
+
+
+def mesh_of(result: OptimizationResult, what: str) -> OnMesh:
+    """Return where a result stands on its mesh, or complain where it was found on none; ``what``: a new one has."""
+    if result.state is None or result.state.mesh is None:
+        raise ArgumentError(
+            f"resume: got a result that was not found on a mesh, expected one with the {what} of this call. Give it as "
+            "initial"
+        )
+    return result.state.mesh
 
 
 def _misses(curve: DenseTrajectory, mesh: RadauMesh) -> bool:

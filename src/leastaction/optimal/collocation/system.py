@@ -11,8 +11,7 @@ import numpy as np
 from leastaction.errors import LeastActionError, StepError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.collocation.charts import in_charts, space_on_mesh
-from leastaction.optimal.collocation.layout import ORDER, PLACE, NodeLayout
-from leastaction.optimal.collocation.mesh import MATRIX, STAGES, RadauMesh
+from leastaction.optimal.collocation.mesh import MATRIX, ORDER, PLACE, STAGES, NodeLayout, RadauMesh
 from leastaction.optimal.collocation.piece import (
     Factors,
     factored,
@@ -28,6 +27,7 @@ from leastaction.optimal.discrete.system import DiscreteSystem
 from leastaction.optimal.space import moved_by
 from leastaction.optimal.system import Linearization
 
+# Most iterations for a piece; largest residual, in parts of the states, of points that are a trajectory's.
 _MOST_ITERATIONS, _RESIDUAL = 40, 1e-12
 # A Newton matrix is used again while its steps shrink by at least the first; what they leave is below the second, of
 # the state's size, or rounding, where they do not shrink any more below the third. The first is held against the last.

@@ -13,7 +13,7 @@ from leastaction.optimal.continuous.model import TangentModel, with_curvature
 from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, ModelSamples
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 
-_MODELS, _ENOUGH = 40, 6  # that are tried at most, and once there is a direction
+_MODELS, _ENOUGH = 40, 6  # most models that are solved, and once there is a direction
 
 
 class Escape(NamedTuple):

@@ -29,11 +29,11 @@ class PricedCost(ContinuousCost):
         return self.price.values(x, u, t.tolist())
 
     def gradient(self, x: Array, u: Array, t: Array) -> RateGradient:
-        nx, slopes = x.shape[1], self.price.slopes(x, u, t.tolist())
-        return RateGradient(slopes[:, :nx].copy(), slopes[:, nx:].copy())
+        nx, gradients = x.shape[1], self.price.gradients(x, u, t.tolist())
+        return RateGradient(gradients[:, :nx].copy(), gradients[:, nx:].copy())
 
     def hessian(self, x: Array, u: Array, t: Array) -> RateHessian:
-        return RateHessian(*parts(self.price.bends(x, u, t.tolist()), x.shape[1]))
+        return RateHessian(*parts(self.price.hessians(x, u, t.tolist()), x.shape[1]))
 
 
 @public
@@ -128,10 +128,10 @@ class PricedFinalTerm(FinalTerm):
         return self.price.end(x)
 
     def gradient(self, x: Array, t: float) -> Array:  # noqa: ARG002
-        return self.price.end_slope(x)
+        return self.price.end_gradient(x)
 
     def hessian(self, x: Array, t: float) -> Array:  # noqa: ARG002
-        return self.price.end_bend(x)
+        return self.price.end_hessian(x)
 
     def convex_hessian(self, x: Array, t: float) -> Array:
         return clipped(self.hessian(x, t))

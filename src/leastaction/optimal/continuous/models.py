@@ -186,7 +186,7 @@ class ContinuousModels(DescentModels[ContinuousLinearQuadraticSolution, Continuo
         along = self.tangent()
         zero = np.zeros(self.system.nx + self.system.nu)
         t0, tf = self.here.trajectory.t0, self.here.trajectory.tf
-        with self.clock("lq"):
+        with self.clock.lq:
             swept = roll_out(
                 SampledSystem(along.mesh, along.samples),
                 Follower(
@@ -222,7 +222,7 @@ class ContinuousModels(DescentModels[ContinuousLinearQuadraticSolution, Continuo
     ) -> ContinuousLinearQuadraticSolution:
         """Return the solution of a model with other weights along the current curve."""
         mesh = self.tangent().mesh
-        with self.clock("lq"):
+        with self.clock.lq:
             return solve_samples(mesh, samples, Q_final, q_final, accuracy=self.accuracy, jumps=self.jumps, **options)
 
     def _solve_regulator(self) -> ContinuousLinearQuadraticSolution:
@@ -249,7 +249,7 @@ class ContinuousModels(DescentModels[ContinuousLinearQuadraticSolution, Continuo
     def tangent(self) -> TangentModel:
         """Return linearisation and cost along the current curve."""
         if self.model is None:
-            with self.clock("linearize"):
+            with self.clock.linearize:
                 self.model = sample_model(self.system, self.cost, self.here.trajectory, self.jumps, self.accuracy)
         return self.model
 
@@ -257,7 +257,7 @@ class ContinuousModels(DescentModels[ContinuousLinearQuadraticSolution, Continuo
         if self.curvature is None:
             nx, nu = self.system.nx, self.system.nu
             t = model.mesh.t
-            with self.clock("lq"):
+            with self.clock.lq:
                 z = continuous_adjoint(
                     model.mesh,
                     model.samples,
@@ -266,7 +266,7 @@ class ContinuousModels(DescentModels[ContinuousLinearQuadraticSolution, Continuo
                     accuracy=self.accuracy,
                     jumps=self.jumps,
                 )
-            with self.clock("curvature"):
+            with self.clock.curvature:
                 self.curvature = self.system.curvatures(*self.here.trajectory.sample(t), t, z(t))
             require_finite(self.curvature, "curvature of the system")
         return self.curvature

@@ -23,10 +23,7 @@ def feedback_of(K: PiecewisePolynomial) -> PiecewisePolynomial:
 def checked_gains(given: Any, system: ContinuousSystem) -> PiecewisePolynomial | None:
     """Return gains that were given, or None where weights were.
 
-    Raises
-    ------
-    ArgumentError
-        Gains of another shape, or that are no functions of time.
+    Raises `ArgumentError`: gains of another shape, or that are no functions of time.
     """
     if isinstance(given, Mapping):
         return None
@@ -47,10 +44,7 @@ def weights_as_cost(
 ) -> ContinuousQuadraticCost:
     """Return the cost of the regulator with these weights; identities where they are left out.
 
-    Raises
-    ------
-    ArgumentError
-        Weights of wrong shapes.
+    Raises `ArgumentError`: weights of wrong shapes.
     """
     nx, nu = system.nx, system.nu
     weights = {"Q": np.ones(nx), "R": np.ones(nu), "Q_final": np.ones(nx), **given}

@@ -174,7 +174,7 @@ class ContinuousProblem(Problem[ContinuousLinearQuadraticSolution, ContinuousDir
 
     def _project(self, curve: DenseTrajectory, feedback: PiecewisePolynomial) -> None:
         scale = 0.0
-        with self.report.clock("rollout"):
+        with self.report.clock.rollout:
             for _ in range(2):
                 rollout = roll_out(
                     self.system,

@@ -213,11 +213,7 @@ class ContinuousProjection:
 
     def derivative(self, trajectory: DenseTrajectory, direction: DenseTrajectory) -> DenseTrajectory:
         """Return ``DP . direction`` at a trajectory (6.7)."""
-        tangent = _Tangent(self.system, trajectory)
-        rollout = roll_out(tangent, Follower(direction, self._feedback, 0.0), accuracy=self.accuracy, jumps=self.jumps)
-        if rollout.trajectory is None:
-            raise ArgumentError(f"trajectory: the linearised system failed, {rollout.failure}.")
-        return rollout.trajectory
+        return self._swept(_Tangent(self.system, trajectory), direction)
 
     def second_derivative(
         self, trajectory: DenseTrajectory, one: DenseTrajectory, other: DenseTrajectory
@@ -238,39 +234,23 @@ class ContinuousProjection:
         still = PiecewisePolynomial(
             trajectory.xu.breaks, np.zeros_like(trajectory.xu.coefficients), (trajectory.nx + trajectory.nu,)
         )
-        rollout = roll_out(
-            _Bent(self.system, trajectory, along),
-            Follower(DenseTrajectory(still, trajectory.nx), self._feedback, 0.0),
-            accuracy=self.accuracy,
-            jumps=self.jumps,
-        )
+        return self._swept(_Tangent(self.system, trajectory, along), DenseTrajectory(still, trajectory.nx))
+
+    def _swept(self, tangent: ContinuousSystem, direction: DenseTrajectory) -> DenseTrajectory:
+        rollout = roll_out(tangent, Follower(direction, self._feedback, 0.0), accuracy=self.accuracy, jumps=self.jumps)
         if rollout.trajectory is None:
             raise ArgumentError(f"trajectory: the linearised system failed, {rollout.failure}.")
         return rollout.trajectory
 
 
 class _Tangent(ContinuousSystem):
-    """The linearisation of a system along a trajectory, as a system of its own."""
+    """The linearisation of a system along a trajectory, as a system of its own.
 
-    def __init__(self, system: ContinuousSystem, trajectory: DenseTrajectory) -> None:
-        self.nx, self.nu = system.nx, system.nu
-        self.jumps = system.jumps
-        self._system, self._trajectory = system, trajectory
-
-    def f(self, x: Array, u: Array, t: float) -> Array:
-        A, B = self.derivatives(x, u, t)
-        return np.asarray(A @ x + B @ u)
-
-    def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:  # noqa: ARG002
-        along = self._trajectory.xu.flat(t)
-        return self._system.derivatives(along[: self.nx], along[self.nx :], t)
-
-
-class _Bent(ContinuousSystem):
-    """The linearisation of a system along a trajectory, driven by what its second derivatives make of two motions."""
+    ``motions``: two motions that its second derivatives drive it by; none if left out.
+    """
 
     def __init__(
-        self, system: ContinuousSystem, trajectory: DenseTrajectory, motions: tuple[DenseTrajectory, DenseTrajectory]
+        self, system: ContinuousSystem, trajectory: DenseTrajectory, motions: Sequence[DenseTrajectory] = ()
     ) -> None:
         self.nx, self.nu = system.nx, system.nu
         self.jumps = system.jumps
@@ -278,10 +258,12 @@ class _Bent(ContinuousSystem):
 
     def f(self, x: Array, u: Array, t: float) -> Array:
         A, B = self.derivatives(x, u, t)
-        here, one, other = self._trajectory.xu.flat(t), *(motion.xu.flat(t) for motion in self._motions)
-        each = np.eye(self.nx)
-        bent = [one @ second_derivative(self._system, here[: self.nx], here[self.nx :], t, e) @ other for e in each]
-        return np.asarray(A @ x + B @ u + np.array(bent))
+        rate = np.asarray(A @ x + B @ u)
+        if self._motions:
+            here, one, other = (each.xu.flat(t) for each in (self._trajectory, *self._motions))
+            at = here[: self.nx], here[self.nx :], t
+            rate = rate + np.array([one @ second_derivative(self._system, *at, e) @ other for e in np.eye(self.nx)])
+        return rate
 
     def derivatives(self, x: Array, u: Array, t: float) -> tuple[Array, Array]:  # noqa: ARG002
         along = self._trajectory.xu.flat(t)

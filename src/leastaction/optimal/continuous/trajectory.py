@@ -19,7 +19,7 @@ from leastaction.optimal.continuous.content import ContinuousContent
 from leastaction.optimal.continuous.horizon import first_mesh
 from leastaction.optimal.result import OptimizationResult, dataset_of
 
-_FIRST_PIECES = 16
+_FIRST_PIECES = 16  # pieces in which functions of time are first sampled
 
 
 @public
@@ -159,15 +159,8 @@ class DenseTrajectory:
 class OverTime:
     """An optimised trajectory as a function of time, and how it was integrated.
 
-    Attributes
-    ----------
-    dense : DenseTrajectory
-        The states and inputs.
-    accuracy : Accuracy
-        How the run integrated.
-    jumps : tuple of float
-        Times (s) where integrations start anew: those of the system, of the cost, and of the curve that
-        the optimisation began with.
+    ``dense``: The states and inputs. ``accuracy``: How the run integrated. ``jumps``: Times (s) where integrations
+    start anew: those of the system, of the cost, and of the curve that the optimisation began with.
     """
 
     dense: DenseTrajectory

@@ -13,7 +13,7 @@ from leastaction import _core
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import restore_state, saved_state
-from leastaction.numerics.pool import empty, zeros
+from leastaction.numerics.pool import empty
 from leastaction.numerics.public import public
 from leastaction.optimal.cost import Deviations, as_weight, clipped, deviations, final_of, matrix_of, owned_row, weigh
 from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
@@ -276,27 +276,29 @@ class QuadraticCost(Cost):
 
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
         part = slice(start, start + len(u))
-        x_wanted, u_wanted = (w[part] if self._steps else w for w in (self.x_wanted, self.u_wanted))
+        x_wanted, u_wanted = self.x_wanted, self.u_wanted
+        if self._steps:
+            x_wanted, u_wanted = x_wanted[part], u_wanted[part]
         if self.space is not None:
             x, x_wanted = self.space.difference(x, x_wanted), np.zeros(self.space.ndx)
-        values = zeros((len(u),))
-        _core.add_half_squares(x, x_wanted, _stages(self.Q, part), values)
-        _core.add_half_squares(u, u_wanted, _stages(self.R, part), values)
+        values: Array = empty((len(u),))
+        _core.quadratic_stages(x, x_wanted, _stages(self.Q, part), u, u_wanted, _stages(self.R, part), values)
         return values
 
     def final_value(self, x: Array) -> float:
-        missed = self._off(x, self._last_wanted)
-        return 0.5 * float(missed @ weigh(self.Q_final, missed))
+        wanted = self.x_wanted[-1] if self._steps else self.x_wanted
+        if self.space is not None:
+            x, wanted = self.space.difference(x, wanted), np.zeros(self.space.ndx)
+        return _core.quadratic_final(x, wanted, self.Q_final)
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
-        pull = empty(u.shape)
-        _core.weigh_rows(u, self.u_wanted, self.R, pull)
         if self.space is not None:
             stages, last = self._deviations(self.space, x)
-            return CostGradient(stages.gradient, pull, last.gradient[0])
-        wanted, stages_pull = self.x_wanted[:-1] if self._steps else self.x_wanted, empty((len(u), x.shape[1]))
-        _core.weigh_rows(x[:-1], wanted, self.Q, stages_pull)
-        return CostGradient(stages_pull, pull, weigh(self.Q_final, x[-1] - self._last_wanted))
+            return CostGradient(stages.gradient, weigh(self.R, u - self.u_wanted), last.gradient[0])
+        n = x.shape[1]
+        found = CostGradient(empty((len(u), n)), empty(u.shape), empty((n,)))
+        _core.quadratic_gradient(x, self.x_wanted, self.Q, self.Q_final, u, self.u_wanted, self.R, *found)
+        return found
 
     def hessian(self, x: Array, u: Array) -> CostHessian:  # noqa: ARG002
         if self.space is None:
@@ -312,14 +314,10 @@ class QuadraticCost(Cost):
         stages, last = self._deviations(self.space, x)
         return CostHessian(stages.squares, self.R, None, last.squares[0])
 
-    @property
-    def _last_wanted(self) -> Array:
-        """The last wanted state (nx,)."""
-        last: Array = self.x_wanted[-1] if self.x_wanted.ndim == 2 else self.x_wanted
-        return last
-
-    def _off(self, x: Array, wanted: Array) -> Array:
-        return x - wanted if self.space is None else self.space.difference(x, wanted)
+    def own_model_hessian(self, x: Array, u: Array, *, convex: bool) -> ModelHessian | None:  # noqa: ARG002
+        if type(self) is not QuadraticCost or self.space is not None:
+            return None
+        return ModelHessian(self.Q, self.R, None, self.Q_final)
 
     def _deviations(self, space: StateSpace, x: Array) -> tuple[Deviations, Deviations]:
         """Return the derivatives of what states cost: of the stages, and of the last."""
@@ -334,7 +332,7 @@ class QuadraticCost(Cost):
     def misfit(self, x: Array) -> float | None:
         if type(self) is not QuadraticCost:
             return None
-        missed = self._off(x, self.x_wanted)
+        missed = x - self.x_wanted if self.space is None else self.space.difference(x, self.x_wanted)
         total = np.sum(missed[:-1] * weigh(self.Q, missed[:-1])) + np.sum(
             missed[-1:] * weigh(self.Q_final, missed[-1:])
         )

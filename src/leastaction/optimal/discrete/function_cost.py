@@ -1,19 +1,43 @@
-"""A cost from plain functions of one stage."""
+"""Costs from plain functions of one stage: numbers, or residuals whose squares count."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
+from numpy.typing import ArrayLike
+
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian
-from leastaction.optimal.prices import CostDerivatives, FunctionPrice, Price, parts
+from leastaction.optimal.prices import CostDerivatives, FunctionPrice, Price, ResidualPrice, parts
+
+
+class StagePricedCost(Cost):
+    """A cost by a `Price` of every stage and of the last state."""
+
+    def __init__(self, price: Price) -> None:
+        self.price = price
+
+    def stage_values(self, x: Array, u: Array, start: int) -> Array:
+        return self.price.values(x[: len(u)], u, range(start, start + len(u)))
+
+    def final_value(self, x: Array) -> float:
+        return self.price.end(x)
+
+    def gradient(self, x: Array, u: Array) -> CostGradient:
+        nx, gradients = x.shape[1], self.price.gradients(x[:-1], u, range(len(u)))
+        return CostGradient(gradients[:, :nx].copy(), gradients[:, nx:].copy(), self.price.end_gradient(x[-1]))
+
+    def hessian(self, x: Array, u: Array) -> CostHessian:
+        return CostHessian(
+            *parts(self.price.hessians(x[:-1], u, range(len(u))), x.shape[1]), self.price.end_hessian(x[-1])
+        )
 
 
 @public
-class FunctionCost(Cost):
+class FunctionCost(StagePricedCost):
     """A cost given by functions of one stage; as fit for several threads as they are.
 
     Parameters
@@ -57,27 +81,43 @@ class FunctionCost(Cost):
         nonnegative: bool = False,
     ) -> None:
         self.nonnegative = nonnegative
-        self._price = FunctionPrice(stage, final, derivatives, final_derivatives, "stage")
-
-    def stage_values(self, x: Array, u: Array, start: int) -> Array:
-        return self._price.values(x[: len(u)], u, range(start, start + len(u)))
-
-    def final_value(self, x: Array) -> float:
-        return self._price.end(x)
-
-    def gradient(self, x: Array, u: Array) -> CostGradient:
-        return stage_gradient(self._price, x, u)
-
-    def hessian(self, x: Array, u: Array) -> CostHessian:
-        return stage_hessian(self._price, x, u)
+        super().__init__(FunctionPrice(stage, final, derivatives, final_derivatives, "stage"))
 
 
-def stage_gradient(price: Price, x: Array, u: Array) -> CostGradient:
-    """Return the first derivatives of a cost whose stages and end have a price."""
-    nx, slopes = x.shape[1], price.slopes(x[:-1], u, range(len(u)))
-    return CostGradient(slopes[:, :nx].copy(), slopes[:, nx:].copy(), price.end_slope(x[-1]))
+@public
+class GaussNewton(StagePricedCost):
+    """Half the sum of squares of residuals, ``1/2 sum_k |r(x_k, u_k, k)|^2 + 1/2 |r_N(x_N)|^2``.
 
+    Its second derivative is that of Gauss and Newton, ``J'J``: right where residuals are small, and never indefinite.
+    As fit for several threads as the functions. Of states that are plain vectors.
 
-def stage_hessian(price: Price, x: Array, u: Array) -> CostHessian:
-    """Return its second derivatives."""
-    return CostHessian(*parts(price.bends(x[:-1], u, range(len(u))), x.shape[1]), price.end_bend(x[-1]))
+    Parameters
+    ----------
+    residual : callable
+        ``residual(x, u, k) -> (m,)``, of as many entries at every stage.
+    final : callable, optional
+        ``final(x) -> (n,)`` of the last state; nothing if left out.
+    derivatives : {"complex-step", "finite-differences"}, optional
+        How they are differentiated: exactly, where they are analytic and take complex arrays, or by differences.
+
+    Raises
+    ------
+    ArgumentError
+        What is no function, or residuals that are not finite.
+    """
+
+    nonnegative = True
+
+    def __init__(
+        self,
+        residual: Callable[[Array, Array, int], ArrayLike],
+        final: Callable[[Array], ArrayLike] | None = None,
+        *,
+        derivatives: str = "complex-step",
+    ) -> None:
+        self.residual, self.final, self.derivatives = residual, final, derivatives
+        super().__init__(ResidualPrice(residual, final, derivatives))
+
+    def own_convex_hessian(self, x: Array, u: Array) -> CostHessian:
+        """Return all of it, which is convex; see `Cost`."""
+        return self.hessian(x, u)

@@ -448,15 +448,23 @@ def swept(
 
 
 def adjoint_along(
-    A: Array, B: Array, K: Array, gradient: tuple[Array, Array, Array], pattern: npt.NDArray[np.bool_] | None
+    A: Array,
+    B: Array,
+    K: Array,
+    gradient: tuple[Array, Array, Array],
+    pattern: npt.NDArray[np.bool_] | None,
+    by_inputs: Array | None = None,
 ) -> Array:
-    """Return what `adjoint` does, which looks through what the core does not take; for short iterations."""
+    """Return what `adjoint` does, which looks through what the core does not take; for short iterations.
+
+    ``by_inputs`` (N, nu): where the derivative of the cost to go by the inputs is put, ``r + B'z``.
+    """
     try:
         z = empty((len(A) + 1, A.shape[1]))
-        _core.sweep_adjoint(A, B, K, *gradient, z, pattern)
+        _core.sweep_adjoint(A, B, K, *gradient, z, pattern, by_inputs)
     except (AttributeError, TypeError, ValueError):
         return adjoint(A, B, K, *gradient, pattern=pattern)
-    return z if isfinite(z[0].sum()) else adjoint(A, B, K, *gradient, pattern=pattern)
+    return z if isfinite(np.add.reduce(z[0])) else adjoint(A, B, K, *gradient, pattern=pattern)
 
 
 def _dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from leastaction.errors import ArgumentError
@@ -43,6 +43,27 @@ class OwnProjection:
             return regulate(A, B, **self.weights, workspace=workspace)
         except ArgumentError as error:
             raise ArgumentError(f"projection: {error}") from None
+
+
+def with_projection(
+    settings: Options, system: DiscreteSystem, moved: Callable[[Array], Array], padded: Callable[[Array], Array]
+) -> Options:
+    """Return options for a system around another one: gains and weights of a projection act on that one's states.
+
+    ``moved``: returns rows (..., ndx) by the outer states, given those by the inner ones; ``padded``: weights.
+    """
+    given = settings.projection
+    if given is None:
+        return settings
+    N, n = system.N, system.ndx
+    if not isinstance(given, Mapping):
+        K = as_array(given, "projection", (N, system.nu, n), meaning="(N, nu, nx), gains")
+        return settings.changed(projection=moved(K))
+    weights = dict(given)
+    for name in {"Q", "Q_final"}.intersection(weights):
+        stages = None if name == "Q_final" else N
+        weights[name] = padded(as_weight(weights[name], f"projection: {name}", n, stages=stages, definite=False))
+    return settings.changed(projection=weights)
 
 
 def own_projection(settings: Options, system: DiscreteSystem) -> OwnProjection | None:

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from leastaction.errors import ArgumentError
-from leastaction.numerics.arrays import Array, as_array, read_only
-from leastaction.numerics.pool import copied
+from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.pool import kept
 from leastaction.numerics.public import public
 from leastaction.optimal.discrete import step_by_step
 from leastaction.optimal.discrete.rollout import Rollout
@@ -257,7 +257,7 @@ def given_start(system: DiscreteSystem, initial: Any) -> tuple[Array, Array]:
         inputs = np.tile(inputs, (N, 1))
     if space is not None:
         space.check(states, "initial x")
-    return read_only(copied(states)), read_only(copied(inputs))
+    return kept(states), kept(inputs)
 
 
 def told_of(system: DiscreteSystem) -> dict[str, Any]:

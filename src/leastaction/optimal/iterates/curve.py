@@ -206,7 +206,7 @@ class CurveSteps(Steps[LinearQuadraticSolution, DiscreteDirection, Iterate]):
         """Return the law that closes some more gaps, as cheaply as the model of a direction says."""
         linearization = self.models.linearize()
         A, B = linearization
-        with self.models.work.clock("lq"):
+        with self.models.work.clock.lq:
             more = feedforward_of_drift(A, B, law.K, among.P, among.factors, gaps, pattern=linearization.pattern)
         return law._replace(C=law.C + more)
 

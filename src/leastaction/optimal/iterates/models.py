@@ -10,13 +10,7 @@ from leastaction.optimal.discrete.charts import read_at
 from leastaction.optimal.discrete.cost import CostGradient
 from leastaction.optimal.discrete.descent import escape, minimise_model
 from leastaction.optimal.discrete.hessians import ModelHessian, shifted
-from leastaction.optimal.discrete.linear_quadratic import (
-    Law,
-    LinearQuadraticSolution,
-    Workspace,
-    adjoint_along,
-    swept,
-)
+from leastaction.optimal.discrete.linear_quadratic import Law, LinearQuadraticSolution, Workspace, adjoint_along, swept
 from leastaction.optimal.discrete.own_projection import OwnProjection
 from leastaction.optimal.discrete.system import DiscreteSystem, linearized
 from leastaction.optimal.iterates.direction import DiscreteDirection, ModelMinimum
@@ -80,7 +74,7 @@ class Models(DescentModels[LinearQuadraticSolution, DiscreteDirection]):
         """Return the derivatives of the dynamics along the iterate."""
         if self.linearization is None:
             here, curve = self.here, self.here.curve
-            with self.work.clock("linearize"):
+            with self.work.clock.linearize:
                 if curve is None:
                     made = linearized(self.system, here.x, here.u, self.work.linearization)
                     self.work.linearization = made
@@ -101,10 +95,10 @@ class Models(DescentModels[LinearQuadraticSolution, DiscreteDirection]):
             linearization = self.linearize()
             if costates is None:
                 gradient = self.merit.lagrangian_gradient()
-                with self.work.clock("lq"):
+                with self.work.clock.lq:
                     A, B = linearization
                     costates = adjoint_along(A, B, here.gain, gradient, linearization.pattern)
-            with self.work.clock("curvature"):
+            with self.work.clock.curvature:
                 self.curvature = linearization.packed_curvature(costates)
         return self.curvature
 
@@ -173,7 +167,7 @@ class Models(DescentModels[LinearQuadraticSolution, DiscreteDirection]):
         linearization, curve = self.linearize(), self.here.curve
         curvature = self.curved() if method == "newton" else None
         gaps = None if curve is None else curve.gaps
-        with self.work.clock("lq"):
+        with self.work.clock.lq:
             return minimise_model(method, linearization, gradient, hessian, curvature, workspace, scale, gaps)
 
     @property
@@ -221,7 +215,7 @@ class Models(DescentModels[LinearQuadraticSolution, DiscreteDirection]):
         if self.own is None:
             return None
         if self.feedback is None:
-            with self.work.clock("lq"):
+            with self.work.clock.lq:
                 self.here.gain = self.feedback = self.own.gains(self.linearize(), self.work.lqr)
         return self.here.gain
 
@@ -276,13 +270,12 @@ class Models(DescentModels[LinearQuadraticSolution, DiscreteDirection]):
         """Return which input, and when, has most of the decrease that is expected of a direction."""
         linearization, gradient = self.linearize(), self.merit.gradient()
         A, B = linearization
-        z = adjoint_along(A, B, direction.gain, gradient, linearization.pattern)
+        shares: Array = empty(gradient.r.shape)
+        adjoint_along(A, B, direction.gain, gradient, linearization.pattern, shares)
         feedforward = direction.C
         if direction.dx is not None and direction.du is not None:
             feedforward = -direction.du - np.einsum("kux,kx->ku", direction.gain, direction.dx[:-1])
         # By the gains of the direction, its slope is that of the feedforward alone.
-        shares = np.matmul(z[1:, None], B, out=empty(gradient.r.shape)[:, None])[:, 0]
-        shares += gradient.r
         shares *= feedforward
         k, i = divmod(int(shares.argmax()), shares.shape[1])
         return f"{self.system.input_name(i)!r} around {self.system.when(k)}"

@@ -29,7 +29,7 @@ def projection_of(models: Models, xbar: Array, ubar: Array, gain: Array) -> Roll
         If it does not come to the end.
     """
     system = models.system
-    with models.work.clock("rollout"):
+    with models.work.clock.rollout:
         rollout = system.rollout(xbar[0], xbar, ubar, gain, 0, system.N)
     models.work.rollouts += 1
     if not rollout.complete:

@@ -69,7 +69,7 @@ def try_projection(
         u[start:stop] = part.u
         with np.errstate(over="ignore", invalid="ignore"):
             stage_values[start:stop] = cost.stage_values(states[start:stop], inputs[start:stop], start)
-            total = float(stage_values[:stop].sum())
+            total = float(np.add.reduce(stage_values[:stop]))
             if not isfinite(total) or (cost.nonnegative and total > bound):
                 k, reason = _spent(stage_values[:stop], bound, system)
                 return explain(x[: k + 1], Refusal(reason, k))
@@ -78,7 +78,7 @@ def try_projection(
     # Not "total > bound": a NaN is refused.
     if not total <= bound:
         return explain(x, Refusal(f"a cost of {total:.10g}, where at most {bound:.10g} was wanted", cost=total))
-    return Trial(Iterate(x, u, worst_here), total)
+    return Trial(Iterate(states, inputs, worst_here), total)
 
 
 def _spent(stage_values: Array, bound: float, system: DiscreteSystem) -> tuple[int, str]:

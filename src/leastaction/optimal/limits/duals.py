@@ -28,7 +28,7 @@ from leastaction.optimal.limits.barrier import (
     stiffness,
 )
 from leastaction.optimal.limits.leeway import Leeway
-from leastaction.optimal.limits.sides import Sided, SideLayout, some
+from leastaction.optimal.limits.sides import Sided, SideLayout
 from leastaction.optimal.quantity import Instants
 
 # Price of an excess, in times its multiplier; and in the end that of an equation, which is met the better the dearer it
@@ -36,8 +36,6 @@ from leastaction.optimal.quantity import Instants
 _DEAR, _DEAR_EQUAL = 10.0, 100.0
 _HARD = 1e6  # price of an excess of its scale where nothing is beyond a limit, in costs of the start
 _AT = 1e-6  # distance, in its scale, of what is at a limit
-_BINDING = 0.5  # multiplier, in parts of the price, of a limit that the price does not enforce
-_SETTLED = 2.3  # natural logarithm of the factor by which multipliers may be off those of the barrier in the end
 # Multiplier times scale of a limit that is active, in times mu: the least; it is more than the geometric mean of mu and
 # the cost, too. The scale may be what was seen at a start far away, so that tells whether a limit is active anywhere;
 # and the part of its largest multiplier, where.
@@ -194,11 +192,9 @@ class Duals:
 
     def settled(self, duals: Sided, room: Room) -> Sided:
         """Return duals; where they have not come near those of the barrier, these."""
-        y, barrier = duals.flat, self.of_barrier(room).flat
-        off = np.divide(y, barrier, out=empty(y.shape))
-        np.abs(np.log(off, out=off), out=off)
-        np.copyto(barrier, y, where=np.less(off, _SETTLED, out=empty(y.shape, np.bool_)))
-        return Sided(barrier, self.layout)
+        settled = self.layout.empty()
+        _core.settle_duals(duals.flat, room.part.slack, self.mu, settled.flat)
+        return settled
 
     def excess(self, c: Sided) -> float:
         """Return the largest violation of a limit, relative to its scale."""
@@ -232,22 +228,17 @@ class Duals:
                 other[first:end] = np.concatenate([np.arange(second, end), np.arange(first, second)])
         return other
 
-    def net(self) -> Array:
-        """Return the duals of all entries, of both sides of an equation their difference."""
-        y = self.y.flat
+    def net(self, y: Array) -> Array:
+        """Return duals of all entries, of both sides of an equation their difference."""
         return np.where(self._in_equations, y - y[self._other], y) if self._has_equations else y
 
     def hopeless(self) -> bool:
         """Whether some limit is not enforced though its price is the dearest there is."""
-        most = np.multiply(self.prices, _BINDING, out=empty(self.prices.shape))
-        net = np.abs(self.net(), out=empty(most.shape))
-        return some(np.greater(net, most, out=empty(most.shape, np.bool_)))
+        return _core.some_unenforced(self._other, self.y.flat, self.prices)
 
     def least_mu(self, digits: float) -> float:
         """Return the parameter below which the room that it leaves would be a part `digits` of a limit's size."""
-        largest = self.layout.largest(self.y.flat)
-        sizes = largest * (self.scale.flat + self._size)
-        return digits * max(float(sizes[sizes.argmax()]), 0.0) if sizes.size else 0.0
+        return digits * _core.largest_product(self.layout.column, self.y.flat, self.scale.flat + self._size)
 
     def price(self, c: Sided, dearest: float, *, met: float | None = None, kept: float = np.inf) -> bool:
         """Set the prices of excess by the duals; whether some limit needs a price that is higher.
@@ -312,12 +303,11 @@ class Duals:
         Nobody else writes to these: what is told outlives the run, and is saved.
         """
         least, layout, y = max(_ACTIVE * self.mu, sqrt(self.mu * abs(cost))), self.layout, duals.flat
-        enough = np.maximum(least / self.scale.flat, _HARDLY * layout.largest(y))
-        active = np.greater(y, layout.spread(enough), out=empty(y.shape, np.bool_))
+        active = empty(y.shape, np.bool_)
+        _core.active_limits(layout.column, self.scale.flat, y, least, _HARDLY, active)
         if self._has_equations:
             active |= self._in_equations
-        net = np.where(self._in_equations, y - y[self._other], y) if self._has_equations else y
-        value, dual = read_only(c.flat), read_only(net)
+        value, dual = read_only(c.flat), read_only(self.net(y))
         active.setflags(write=False)
         return tuple(
             made(

@@ -9,7 +9,7 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import made
-from leastaction.numerics.pool import copied
+from leastaction.numerics.pool import kept
 from leastaction.optimal.limit_report import Barrier, LimitReport
 from leastaction.optimal.limits.duals import Duals, Room
 from leastaction.optimal.limits.sides import Sided
@@ -106,15 +106,15 @@ class BarrierStages:
     def report(self, k: Sequence[Instants], c: Sided, duals: Sided, cost: float) -> LimitReport:
         """Return what is told of the limits, given their instants, values and duals, and the cost without barriers."""
         own = self.duals
-        prices = read_only(copied(own.rho.flat))
+        prices = kept(own.rho.flat)
         barrier = made(
             Barrier,
             size=self.size,
             tolerance=self.tolerance,
             first_mu=self.first_mu,
             last_mu=self.last,
-            duals=read_only(copied(own.y.flat)),
-            scale=read_only(copied(own.scale.flat)),
+            duals=kept(own.y.flat),
+            scale=kept(own.scale.flat),
             prices=prices,
             leeway=_joined(own.leeway.whole),
             part=own.leeway.part,

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil, inf, log, nan
 from typing import Any
-
-import numpy as np
 
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.loop.problem import Direction, Problem
@@ -37,7 +36,7 @@ class Outcome:
 
     status: Status
     detail: str = ""
-    expected: float = np.nan
+    expected: float = nan
     barred: bool = False
     refused: StepQuality | None = None
 
@@ -82,7 +81,7 @@ def coarse_step(problem: Problem[Any, Any, Any], outcome: Outcome) -> StepQualit
 
 def _what_helps(worst: StepQuality) -> list[str]:
     """Return what to try where the coarsest step is too long."""
-    shorter = max(2, int(np.ceil(worst.angle / _RESOLVED)))
+    shorter = max(2, ceil(worst.angle / _RESOLVED))
     thrown = f", so that {worst.variable!r} is not thrown that fast" * bool(worst.variable)
     return [f"Take steps of time {shorter} times shorter, or weigh inputs (R) or rates (Q) more{thrown}."]
 
@@ -93,24 +92,24 @@ def outlook(run: Run, direction: Direction) -> str:
         return ""
     expected, goal = -direction.slope, run.goal
     where = run.problem.report.where(direction)
-    parts = [f"The expected decrease is still {expected:.2g}, where {goal:.2g} is asked for"]
-    parts.append(f"; most of it is that of {where}. " if where else ". ")
+    most = f"; most of it is that of {where}." if where else "."
+    begins = f"The expected decrease is still {expected:.2g}, where {goal:.2g} is asked for{most}"
     costs = run.history.cost[-1 - _LOOKED_BACK :]
-    fall = (costs[0] - costs[-1]) / max(abs(costs[-1]), 1e-300) if len(costs) > 1 else np.nan
+    fall = (costs[0] - costs[-1]) / max(abs(costs[-1]), 1e-300)
     if not fall > 0.0:
-        return "".join(parts).strip()
-    parts.append(f"The last {len(costs) - 1} iterations lowered the cost by {fall:.2g} of itself")
-    before = run.history.expected_decreases[-len(costs) + 1]
+        return begins
+    count = len(costs) - 1
+    before = run.history.expected_decreases[-count]
     # Among barriers a refined direction may be expected to gain nothing, and lower the cost all the same.
-    falls = min(expected, before) > 0.0
-    rate = (expected / before) ** (1.0 / (len(costs) - 1)) if falls else np.inf
-    if rate < _FAST:
-        more = int(np.ceil(np.log(goal / expected) / np.log(rate)))
-        parts.append(f"; at their rate some {more} more are needed.")
-    else:
-        parts.append(
+    rate = (expected / before) ** (1.0 / count) if expected > 0.0 < before else inf
+    if rate >= _FAST:
+        ends = (
             "; it creeps along a flat valley. Weigh in the cost what moves there, which determines the minimum "
             f"better (a larger R for that input), take a tolerance above {expected / abs(costs[-1]):.1g}, or start "
             "elsewhere."
         )
-    return "".join(parts)
+    elif goal > 0.0:
+        ends = f"; at their rate some {ceil(log(goal / expected) / log(rate))} more are needed."
+    else:
+        ends = "."
+    return f"{begins} The last {count} iterations lowered the cost by {fall:.2g} of itself{ends}"

@@ -169,7 +169,7 @@ class Loop:
         run, problem = self.progress, self.progress.problem
         # The last feedback may still have to be computed: its time belongs to the total.
         clock = problem.report.clock
-        timings = dict(clock.timings)
+        timings = clock.timings
         result = problem.report.result(
             {
                 "status": outcome.status,

@@ -16,36 +16,39 @@ _now = time.perf_counter
 
 
 class Clock:
-    """Adds up the seconds spent in each part of the work."""
+    """Adds up the seconds in each part of the work: inside of each ``with`` of it, none of which is within another."""
 
     def __init__(self) -> None:
-        self.began = time.perf_counter()
-        self.timings = dict.fromkeys(("linearize", "curvature", "lq", "rollout"), 0.0)
-        self._parts = {part: _Part(self.timings, part) for part in self.timings}
+        self.began = _now()
+        self.linearize, self.curvature, self.lq, self.rollout = _Part(), _Part(), _Part(), _Part()
 
-    def __call__(self, part: str) -> _Part:
-        """Count the time inside of a ``with`` to a part, which does not stand within another of the same."""
-        return self._parts[part]
+    @property
+    def timings(self) -> dict[str, float]:
+        """Seconds spent in each part so far."""
+        return {
+            "linearize": self.linearize.seconds, "curvature": self.curvature.seconds, "lq": self.lq.seconds,
+            "rollout": self.rollout.seconds,
+        }  # fmt: skip
 
     @property
     def seconds(self) -> float:
         """Seconds since the clock was made."""
-        return time.perf_counter() - self.began
+        return _now() - self.began
 
 
 class _Part:
     """The time inside of each ``with``: short iterations have many."""
 
-    __slots__ = ("began", "part", "timings")
+    __slots__ = ("began", "seconds")
 
-    def __init__(self, timings: dict[str, float], part: str) -> None:
-        self.timings, self.part = timings, part
+    def __init__(self) -> None:
+        self.seconds = 0.0
 
     def __enter__(self) -> None:
         self.began = _now()
 
     def __exit__(self, *_: object) -> None:
-        self.timings[self.part] += _now() - self.began
+        self.seconds += _now() - self.began
 
 
 class ModelSolution(Protocol):

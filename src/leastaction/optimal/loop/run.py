@@ -10,7 +10,7 @@ from leastaction.optimal.loop.problem import Direction, Problem
 from leastaction.optimal.options import Options
 from leastaction.optimal.result import HistoryBuilder, OptimizationResult
 from leastaction.optimal.schedule import NewtonSchedule
-from leastaction.optimal.state import Resolved, RunState, SearchState
+from leastaction.optimal.state import NOT_RUN, Resolved, RunState, SearchState
 
 FIRST_STEPS = 14
 """First steps by which a run is judged."""
@@ -48,7 +48,7 @@ class Run:
     ) -> None:
         self.problem: Problem[Any, Any, Any] = problem
         self.settings = settings
-        self.state = RunState()
+        self.state = NOT_RUN
         self.asked_problem: Problem[Any, Any, Any] = problem
         self.searched = 0
         self.stalled = False

@@ -55,7 +55,7 @@ class Search:
             backtracks = min(backtracks, most)
         if run.trusts_its_start:
             backtracks = 0
-        with problem.report.clock("rollout"):
+        with problem.report.clock.rollout:
             step = self.line_search(
                 lambda length, bound: problem.steps.simulate(direction, length, bound),
                 value=problem.here.value,
@@ -77,7 +77,7 @@ class Search:
         problem = self.run.problem
         if direction.bend < 0.0 or -direction.slope > _LITTLE * abs(problem.here.value):
             return False
-        with problem.report.clock("rollout"):
+        with problem.report.clock.rollout:
             trials = [(h, problem.steps.simulate(direction, h, np.inf).cost) for h in _SHORTEST]
         self.run.searched += len(trials)
         off = max(abs(cost - problem.here.value - h * direction.slope) for h, cost in trials)
@@ -109,7 +109,7 @@ class Search:
         problem = self.run.problem
         for above in _ABOVE_NOISE:
             length = min(1.0, float(np.sqrt(above * problem.here.noise / -direction.bend)))
-            with problem.report.clock("rollout"):
+            with problem.report.clock.rollout:
                 costs = [problem.steps.simulate(direction, side, np.inf).cost for side in (length, -length)]
             self.run.searched += len(costs)
             # A roll-out that failed has a cost of NaN, and says nothing.

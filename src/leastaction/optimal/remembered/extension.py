@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, cast
 
 import numpy as np
 
-from leastaction.numerics.arrays import Array, as_array, read_only
-from leastaction.optimal.cost import as_weight
+from leastaction.numerics.arrays import as_array, read_only
+from leastaction.optimal.cost import widened
 from leastaction.optimal.discrete.cost import Cost
+from leastaction.optimal.discrete.own_projection import with_projection
 from leastaction.optimal.discrete.system import DiscreteSystem, told_of, with_parameters
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.limits.limit import Bound, FromSecond, Horizon, Limit
@@ -18,9 +20,9 @@ from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.looking_back import Need, needs_of
 from leastaction.optimal.loop import Callback
 from leastaction.optimal.options import Options
-from leastaction.optimal.remembered.cost import weight_with
 from leastaction.optimal.remembered.system import RememberingSystem
-from leastaction.optimal.result import IterationRecord, OptimizationResult
+from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.unknowns.extended import told_in_own_states
 from leastaction.optimal.unknowns.periodic import Periodic
 
 _LOOK_BACK = ("input rate", "acceleration")  # kinds of quantities that may need the step before
@@ -72,18 +74,8 @@ class Remembered:
 
     def settings(self, given: Options) -> Options:
         """Return options for the system that remembers: a projection acts on the system's own states."""
-        projection, N, n = given.projection, self.own.N, self.own.ndx
-        if projection is None:
-            return given
-        more = self.system.memory.ndx
-        if not isinstance(projection, Mapping):
-            K = as_array(projection, "projection", (N, self.own.nu, n), meaning="(N, nu, nx), gains")
-            return given.changed(projection=np.concatenate([K, np.zeros((*K.shape[:2], more))], axis=2))
-        weights = dict(projection)
-        for name in {"Q", "Q_final"}.intersection(weights):
-            stages = None if name == "Q_final" else N
-            weights[name] = weight_with(as_weight(weights[name], name, n, stages=stages, definite=False), more)
-        return given.changed(projection=weights)
+        behind = self.system.behind
+        return with_projection(given, self.own, behind, partial(widened, moved=behind))
 
     def start(self, initial: Any) -> Any:
         """Return a start for the system that remembers."""
@@ -101,14 +93,7 @@ class Remembered:
 
     def callback(self, given: Callback | None) -> Callback | None:
         """Return a callback that calls the given one with the system's own states."""
-        if given is None:
-            return None
-
-        def tell(record: IterationRecord) -> object:
-            own: Array = read_only(self.system.own(record.x))
-            return given(replace(record, x=own, snapshot=lambda: self.result(record.snapshot())))
-
-        return tell
+        return told_in_own_states(given, self.system.own, self.result)
 
     def result(self, found: OptimizationResult) -> OptimizationResult:
         """Return a result in the system's own states; its feedback is what of the gains acts on these."""

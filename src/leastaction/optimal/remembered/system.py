@@ -98,10 +98,14 @@ class RememberingSystem(DiscreteSystem):
     def _with(self, ends: Array, x: Array, u: Array) -> Array:
         return np.concatenate([ends, self._left(x, u)], axis=-1)
 
+    def behind(self, rows: Array) -> Array:
+        """Return rows (..., ndx of the system) with nothing for what is remembered."""
+        return np.concatenate([rows, np.zeros((*rows.shape[:-1], self.memory.ndx))], axis=-1)
+
     def cost_of(self, cost: Cost) -> Cost:
         """Return a cost of the system's own states as one of those with a memory."""
         if not cost.needs:
-            return RememberedCost(cost, (self.n_own, self.d_own, self.memory.ndx), self._nothing_before)
+            return RememberedCost(cost, self.own, self.behind, self._nothing_before)
         found = cost.remembering(self)
         if found is None:
             raise NotImplementedError(f"{type(cost).__name__} needs {cost.needs}: implement `remembering`")

@@ -20,7 +20,7 @@ from leastaction.optimal.line_search import Refusal
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.search.parts import SearchParts
 from leastaction.optimal.space import apart, sizes_of
-from leastaction.optimal.state import Begun, Gaps, Place, SearchState, Start
+from leastaction.optimal.state import NOT_BEGUN, Begun, Gaps, Place, SearchState, Start
 
 _LOST = 10.0  # factor in cost by which a projection has lost a curve
 _LEFT_BEHIND = 0.1  # distance, in parts of the states' sizes, by which a projection has left a curve
@@ -43,12 +43,12 @@ class Beginning:
         found_with: Callable[[list[Rows], int], OptimizationResult | None],
     ) -> None:
         self.parts, self.gapped, self.final_time, self.found_with = parts, gapped, final_time, found_with
-        self.begun = Begun()
+        self.begun = NOT_BEGUN
         self.note = ""
 
     def renew(self) -> None:
         """Be as if nothing had begun."""
-        self.begun = Begun()
+        self.begun = NOT_BEGUN
         self.note = ""
 
     def start(self, initial: Any) -> None:

@@ -98,7 +98,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
     def start(self, initial: Any) -> None:
         """Begin with a trajectory, a curve to be projected, an initial state and inputs, or an earlier result."""
         self.beginning.start(initial)
-        if isinstance(initial, OptimizationResult) and self.parts.rows:
+        if self.parts.rows and isinstance(initial, OptimizationResult):
             # What was found with another cost is no minimum of this one.
             same = abs(self.report.shown - initial.cost) <= _SAME * abs(initial.cost)
             self.begins_at_minimum = initial.success and same
@@ -139,7 +139,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
 
     @property
     def steps(self) -> Steps[LinearQuadraticSolution, DiscreteDirection, Iterate]:
-        return self.parts.steps
+        return self.parts.curve or self.parts.trajectory_steps
 
     def following(self, *, moved: bool) -> DiscreteProblem | None:
         if self.stages.advance(moved=moved):

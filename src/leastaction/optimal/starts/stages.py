@@ -149,10 +149,7 @@ def check_stages(iterations: int, tolerance: float) -> None:
 def check_last_limits(system: DiscreteSystem, options: Mapping[str, Any]) -> None:
     """Complain about limits of the last stage that a system does not have, before the first stage is made.
 
-    Raises
-    ------
-    ArgumentError
-        From the limits: unknown names, values of wrong shapes, or such as no motion can meet.
+    Raises `ArgumentError`: from the limits: unknown names, values of wrong shapes, or such as no motion can meet.
     """
     if options.get("unknowns"):
         return  # of which they may be

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from leastaction.numerics.arrays import Array, read_only
-from leastaction.optimal.cost import is_diagonal
+from leastaction.optimal.cost import across, matrix_of, widened
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian
 from leastaction.optimal.unknowns.system import ExtendedSystem
@@ -66,9 +66,7 @@ class ExtendedCost(Cost):
         final = self.padded(Q_final)
         diagonal = final if final.ndim == 1 else np.einsum("ii->i", final)
         diagonal[self.changes] = weight
-        if S is not None:
-            S = np.ascontiguousarray(np.swapaxes(self.moved(np.swapaxes(S, -1, -2)), -1, -2))
-        return CostHessian(self.padded(Q), R, S, final)
+        return CostHessian(self.padded(Q), R, None if S is None else across(S, self.moved), final)
 
     def moved(self, rows: Array) -> Array:
         """Return derivatives (..., nx) by the extended state of those (..., n) by the system's own."""
@@ -83,10 +81,4 @@ class ExtendedCost(Cost):
         if weight.ndim == 1 and len(self.system.copied):
             moves = self.system.moves
             return np.asarray((moves.T * weight) @ moves)
-        if is_diagonal(weight):
-            diagonal = weight if weight.ndim == 1 else weight[:, :, 0]
-            if not len(self.system.copied):
-                whole = self.moved(diagonal)
-                return whole if weight.ndim == 1 else whole[:, :, None]
-            weight = diagonal[..., None] * np.eye(self.n_own)
-        return np.ascontiguousarray(np.swapaxes(self.moved(np.swapaxes(self.moved(weight), -1, -2)), -1, -2))
+        return widened(matrix_of(weight) if len(self.system.copied) else weight, self.moved)

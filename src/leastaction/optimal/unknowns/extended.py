@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,61 @@ import numpy as np
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.differences import fourth_order
 from leastaction.optimal.loop import Callback
-from leastaction.optimal.quantity import Entries, Instants
+from leastaction.optimal.quantity import Entries, Instants, as_slice
 from leastaction.optimal.result import IterationRecord, OptimizationResult
 from leastaction.optimal.system import FINAL_TIME, System
-from leastaction.optimal.unknowns.layout import ConstantsLayout
+
+
+@dataclass(frozen=True, eq=False)
+class ConstantsLayout:
+    """Places in ``y = [x of the system; parameters p; copies c of entries of the first state; copies of rotations]``.
+
+    ``copied``, ``copied_moves`` (m,): entries of x that are copied, and the directions that move them; ``kept``,
+    ``kept_moves``: the same, as slices where they follow each other, which copies nothing. ``turns`` (n, 2): first
+    number and first direction of each rotation that is copied; ``turned``, ``turned_moves``: all of these.
+    ``at_copies``, ``at_turns``: where copies begin in y; ``at_copied_moves``: where their directions begin in a
+    difference.
+    """
+
+    copied: Instants
+    copied_moves: Instants
+    kept: Any
+    kept_moves: Any
+    turns: Any
+    turned: Instants
+    turned_moves: Instants
+    at_copies: int
+    at_turns: int
+    at_copied_moves: int
+
+    @classmethod
+    def of(
+        cls,
+        system: Any,
+        parameters: int,
+        copied: Sequence[int],
+        moves: Sequence[int] | None,
+        turns: Sequence[tuple[int, int]],
+    ) -> ConstantsLayout:
+        """Return the places of a number of parameters, and of copies of a system's state; see `Extended`."""
+        entries = np.array(copied, dtype=np.intp)
+        directions = entries if moves is None else np.array(moves, dtype=np.intp)
+        first = np.array(turns, dtype=np.intp).reshape(-1, 2)
+        numbers, turning = (first[:, [i]] + np.arange(n) for i, n in ((0, 4), (1, 3)))
+        at_copies = system.nx + parameters
+        return cls(
+            copied=entries,
+            copied_moves=directions,
+            kept=as_slice(entries),
+            kept_moves=as_slice(directions),
+            turns=first,
+            turned=numbers.ravel(),
+            turned_moves=turning.ravel(),
+            at_copies=at_copies,
+            at_turns=at_copies + len(entries),
+            at_copied_moves=system.ndx + parameters,
+        )
+
 
 _PART = 1e-3  # step of differences by a parameter, in parts of its value
 _SOME = 1e-3  # least entry of a direction that counts, in parts of the largest
@@ -197,9 +248,7 @@ class Extended(System):
 
 
 def told_in_own_states(
-    given: Callback | None,
-    own: Callable[[Array], Array],
-    result: Callable[[OptimizationResult], OptimizationResult],
+    given: Callback | None, own: Callable[[Array], Array], result: Callable[[OptimizationResult], OptimizationResult]
 ) -> Callback | None:
     """Return a callback that calls the given one with the system's own states.
 

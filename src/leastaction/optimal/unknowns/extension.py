@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from types import MappingProxyType
@@ -12,8 +12,8 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.arrays import Array, as_array, read_only
-from leastaction.optimal.cost import as_weight
 from leastaction.optimal.discrete.cost import Cost
+from leastaction.optimal.discrete.own_projection import with_projection
 from leastaction.optimal.discrete.system import DiscreteSystem, told_of
 from leastaction.optimal.initial import pair_of
 from leastaction.optimal.limits.limit import Bound, Limit
@@ -76,20 +76,7 @@ class Extension:
 
     def settings(self, given: Options) -> Options:
         """Return options for the extended system: gains and weights of a projection act on the system's own states."""
-        projection = given.projection
-        if projection is None:
-            return given
-        if not isinstance(projection, Mapping):
-            shape = (self.own.N, self.own.nu, self.own.ndx)
-            projection = self.cost.moved(as_array(projection, "projection", shape, meaning="(N, nu, nx), gains"))
-            return given.changed(projection=projection)
-        N, n = self.own.N, self.own.ndx
-        weights = dict(projection)
-        for name in {"Q", "Q_final"}.intersection(weights):
-            stages = None if name == "Q_final" else N
-            weight = as_weight(weights[name], f"projection: {name}", n, stages=stages, definite=False)
-            weights[name] = self.cost.padded(weight)
-        return given.changed(projection=weights)
+        return with_projection(given, self.own, self.cost.moved, self.cost.padded)
 
     def _rows(self, limit: Limit) -> list[Rows]:
         if isinstance(limit, Periodic):
@@ -125,10 +112,7 @@ class Extension:
     def _check(self, x: Array, u: Array) -> None:
         """Ask for the derivatives by the unknowns, so that what they cannot be found for is said before the first step.
 
-        Raises
-        ------
-        ArgumentError
-            From the system.
+        Raises `ArgumentError`: from the system.
         """
         self.system.start_directions(x, None)
         with suppress(StepError):  # The start need not be a trajectory.

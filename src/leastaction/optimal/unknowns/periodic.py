@@ -133,7 +133,8 @@ class Periodic(Limit):
         """Return the rotations that return, by what each is off from the first."""
         own: System = extended.system
         chosen = [j for j, first in enumerate(extended.layout.turns[:, 0].tolist()) if first in entries]
-        numbers = [returning_name(own, i) for j in chosen for i in range(*_four(extended.layout.turns[j, 0]))]
+        firsts = extended.layout.turns[chosen, 0].tolist()
+        numbers = [returning_name(own, first + i) for first in firsts for i in range(4)]
         for what in ("offset", "modulo"):
             self._refuse_numbers(what, numbers)
         if not chosen:
@@ -150,10 +151,6 @@ class Periodic(Limit):
                     f"{self}: {what}: got {name!r}, a number of a rotation, which returns as it was; expected other "
                     "entries"
                 )
-
-
-def _four(first: int) -> tuple[int, int]:
-    return int(first), int(first) + 4
 
 
 class _Turning(Quantity):

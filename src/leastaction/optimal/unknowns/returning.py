@@ -31,11 +31,8 @@ class Returning(NamedTuple):
     def of(cls, system: System, places: Sequence[int], what: str) -> Returning:
         """Return the entries of a system's state at these places, sorted.
 
-        Raises
-        ------
-        ArgumentError
-            For some of the numbers of a rotation without the others, and for states of another space than vectors and
-            rotations; `what` asks.
+        Raises `ArgumentError`: some of the numbers of a rotation without the others, and for states of another space
+        than vectors and rotations; `what` asks.
         """
         chosen, numbers, moves, turns = set(places), list[int](), list[int](), list[tuple[int, int]]()
         space: StateSpace = system.charts() or Vectors(system.nx)

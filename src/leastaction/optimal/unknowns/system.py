@@ -244,13 +244,7 @@ class ExtendedSystem(Extended, DiscreteSystem):
         return read
 
     def _second(
-        self,
-        H: Array,
-        by_time: Array | None,
-        values: Array,
-        along: Along,
-        z: Array,
-        exact: Array | None,
+        self, H: Array, by_time: Array | None, values: Array, along: Along, z: Array, exact: Array | None
     ) -> Array:
         """Return ``z . D2f`` (n, nx+nu, nx+nu) of steps.
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Collection
+from typing import Self
 
 import numpy as np
 
+from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.cost import AddedCost, Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
@@ -18,12 +21,19 @@ class CostOfConfigurations(AddedCost):
     Derivatives are by the nv directions in which configurations move: by all variables, where no rotation is a
     quaternion.
 
-    ``what``: what has a price, in the plural, for messages. ``system``: whose configurations are meant.
+    ``what``: what has a price, in the plural, for messages. ``system``: whose configurations are meant. ``wanted``,
+    ``weights``: names of what is wanted, and of what has a weight: some of these.
     """
 
-    def __init__(self, cost: Cost, what: str, system: MidpointSystem) -> None:
+    def __init__(
+        self, cost: Cost, what: str, system: MidpointSystem, wanted: Collection[str] = (), weights: Collection[str] = ()
+    ) -> None:
+        for name in weights:
+            if name not in wanted:
+                known = closest(name, list(wanted), what=f"names of {what}")
+                raise ArgumentError(f"weights: {name!r} has no {what.removesuffix('s')} that is wanted; {known}")
         super().__init__(cost, what, (system.N, system.nx, system.nu))
-        self._nq, self._nv = system.mechanism.nq, system.mechanism.nv
+        self.system, self._nq, self._nv = system, system.mechanism.nq, system.mechanism.nv
 
     @abstractmethod
     def _prices(self, q: Array, start: int) -> Array:
@@ -62,6 +72,14 @@ class CostOfConfigurations(AddedCost):
         """
         bends = self._bends(self._configurations(x), exact=not convex)
         return self.cost.model_hessian(x, u, convex=convex).weighed(np.arange(self._nv), bends)
+
+    def _over(self, start: int, stop: int, N: int, nu: int) -> Self:
+        """Return the same of the steps ``start .. stop-1``, with what is wanted as it is over all steps."""
+        system = self.system.window(start, stop)
+        assert isinstance(system, MidpointSystem)
+        other = self._beside(self.cost.window(start, stop, N=N, nu=nu), stop - start)
+        other.system = system
+        return other
 
     def _configurations(self, x: Array) -> Array:
         return np.ascontiguousarray(x[:, : self._nq])

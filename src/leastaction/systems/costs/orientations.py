@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError, closest
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost
@@ -87,12 +86,7 @@ class OrientationCost(CostOfConfigurations):
         weights: Mapping[str, ArrayLike] | None = None,
     ) -> None:
         given = {} if weights is None else weights
-        for name in given:
-            if name not in orientations:
-                known = closest(name, list(orientations), what="names of orientations")
-                raise ArgumentError(f"weights: {name!r} has no orientation that is wanted; {known}")
-        super().__init__(cost, "orientations", system)
-        self.system = system
+        super().__init__(cost, "orientations", system, orientations, given)
         self._wanted = {
             name: quaternions_of(each, f"orientations: {name!r}", system.t) for name, each in orientations.items()
         }
@@ -100,10 +94,7 @@ class OrientationCost(CostOfConfigurations):
         self._turns()  # an unknown frame is told here
 
     def own_window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
-        system = self.system.window(start, stop)
-        assert isinstance(system, MidpointSystem)
-        other = self._beside(self.cost.window(start, stop, N=N, nu=nu), stop - start)
-        other.system = system
+        other = self._over(start, stop, N, nu)
         other._wanted = {
             name: each if len(each) == 1 else each[start : stop + 1] for name, each in self._wanted.items()
         }

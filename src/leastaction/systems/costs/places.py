@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics.mechanism.queries.moved_points import MovedPoints
 from leastaction.numerics.arrays import Array, as_number, as_wanted, read_only, require_mapping
 from leastaction.numerics.public import public
@@ -79,12 +78,7 @@ class PlaceCost(CostOfConfigurations):
         m, N = system.mechanism, system.N
         require_mapping(places, "places", "{'hand': [0.0, 0.3, 1.0]}")
         require_mapping(weights, "weights", "{'hand': 10.0}")
-        for name in weights:
-            if name not in places:
-                known = closest(name, list(places), what="names of places")
-                raise ArgumentError(f"weights: {name!r} has no place that is wanted; {known}")
-        super().__init__(cost, "places", system)
-        self.system = system
+        super().__init__(cost, "places", system, places, weights)
         self._frames = tuple(places)
         wanted, weighed = np.zeros((2, N + 1, len(places), 3))
         for i, (name, given) in enumerate(places.items()):
@@ -95,10 +89,7 @@ class PlaceCost(CostOfConfigurations):
         self._wanted, self._weights = read_only(wanted), read_only(weighed)
 
     def own_window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
-        system = self.system.window(start, stop)
-        assert isinstance(system, MidpointSystem)
-        other = self._beside(self.cost.window(start, stop, N=N, nu=nu), stop - start)
-        other.system = system
+        other = self._over(start, stop, N, nu)
         other._wanted, other._weights = self._wanted[start : stop + 1], self._weights[start : stop + 1]
         return other
 

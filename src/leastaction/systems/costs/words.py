@@ -22,10 +22,7 @@ def places_of(name: str, names: Sequence[str], variables: Sequence[str], first_r
 
     A joint that is a rotation has no entry of its own name: this means what it turns by about all three axes.
 
-    Raises
-    ------
-    ArgumentError
-        Where there is none, with the nearest name.
+    Raises `ArgumentError`: where there is none, with the nearest name.
     """
     places = matching(names, name) or matching(names, f"{name}{_TURNS}")
     if name.endswith(".v"):

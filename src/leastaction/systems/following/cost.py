@@ -29,10 +29,7 @@ def following_cost(
 ) -> Cost:
     """Return the price of being off a wanted motion, about a curve (x, u), given weights by names; see `follow`.
 
-    Raises
-    ------
-    ArgumentError
-        Unknown names, negative weights, an input without one.
+    Raises `ArgumentError`: unknown names, negative weights, an input without one.
     """
     m = system.mechanism
     # Where frames are wanted, so is the pose that reaches them, a little: what they leave open is not left to wander.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Protocol
@@ -16,14 +15,7 @@ from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.trajectory import State, Trajectory
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics import rotations
-from leastaction.numerics.arrays import (
-    Array,
-    as_array,
-    as_times,
-    read_only,
-    require_instance,
-    require_mapping,
-)
+from leastaction.numerics.arrays import Array, as_times, as_wanted, read_only, require_instance, require_mapping
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.public import public
 from leastaction.optimal.discrete.cost import Cost
@@ -255,17 +247,15 @@ def _wanted(
 
 def _with_gaps(values: ArrayLike, what: str, shapes: Sequence[tuple[int, ...]]) -> Array:
     """Return wanted values as an array; NaN where nothing is wanted, but not everywhere."""
-    left_out: Any = np.zeros(())
-    with suppress(TypeError, ValueError):
-        left_out = np.isnan(np.asarray(values, dtype=np.float64))
-    given = as_array(np.where(left_out, 0.0, values) if left_out.any() else values, what, *shapes, meaning=_ROWS)
+    given = as_wanted(values, what, *shapes, meaning=_ROWS)
+    left_out = np.isnan(given)
     if left_out.any() and kind_of(given) in (WantedKind.TURN, WantedKind.ORIENTATION):
         raise ArgumentError(
             f"{what}: got NaN, expected a rotation at every instant; only values and places may be left out"
         )
     if left_out.all():
         raise ArgumentError(f"{what}: got nothing but NaN, expected numbers where something is wanted")
-    return np.where(left_out, np.nan, given)
+    return given
 
 
 def _cheaper(system: MidpointSystem, cost: Cost, x: Array, candidates: Sequence[Array]) -> Array:

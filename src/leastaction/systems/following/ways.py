@@ -53,10 +53,7 @@ class Ways:
     def search(self, max_iterations: int) -> tuple[str, OptimizationResult]:
         """Return the first way that converges, or the best that any led to, and what it led to.
 
-        Raises
-        ------
-        ArgumentError
-            If no way leads to any motion.
+        Raises `ArgumentError`: if no way leads to any motion.
         """
         ways: dict[str, Callable[[int], OptimizationResult]] = {
             "from the wanted motion": lambda most: self._optimize(self.starts[0], most),

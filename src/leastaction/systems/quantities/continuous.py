@@ -32,10 +32,7 @@ def points_of(m: Mechanism, x: Array, u: Array) -> tuple[Array, Array, Array, Ar
 def quantity_of(dynamics: ContinuousDynamics, kind: str, t: Array) -> Quantity:
     """Return the quantities of a kind at instants t (s).
 
-    Raises
-    ------
-    ArgumentError
-        An unknown kind.
+    Raises `ArgumentError`: an unknown kind.
     """
     m = dynamics.mechanism
     if kind == "input":

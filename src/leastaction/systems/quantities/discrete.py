@@ -24,10 +24,7 @@ ACROSS = "acceleration across"
 def quantity_of(mechanism: Mechanism, kind: str, t: Array, *, multipliers: bool) -> Quantity:
     """Return the quantities of a kind.
 
-    Raises
-    ------
-    ArgumentError
-        An unknown kind, or multipliers where they are no part of the state.
+    Raises `ArgumentError`: an unknown kind, or multipliers where they are no part of the state.
     """
     m = mechanism
     if kind in ("multiplier", "tension") and not multipliers:

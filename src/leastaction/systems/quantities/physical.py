@@ -25,10 +25,7 @@ _TINY = 1e-12  # of a number's size: so little below zero is refused already whe
 def conditions_of(m: Mechanism, names: Sequence[str]) -> list[Quantity]:
     """Return what must not be negative, as functions of the values (P,) of some parameters; of others it knows nothing.
 
-    Raises
-    ------
-    ArgumentError
-        Where no other values than those that a body has are possible.
+    Raises `ArgumentError`: where no other values than those that a body has are possible.
     """
     known = {name: i for i, name in enumerate(names) if name != FINAL_TIME}
     # Of numbers that several share, what the first of them has to keep to.

@@ -87,7 +87,7 @@ def simulate(
     """
     from leastaction.apps.cli.mechanism.simulation import simulated, times
     from leastaction.apps.cli.mechanism.source import configuration_of, model_of, numbers_by_name
-    from leastaction.apps.cli.progress import progress_bar
+    from leastaction.apps.cli.output import progress_bar
     from leastaction.apps.cli.shield import uninterrupted
     from leastaction.mechanics import SimulationStatus
     from leastaction.numerics.files import output_folder

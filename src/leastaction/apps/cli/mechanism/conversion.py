@@ -17,10 +17,7 @@ _TARGETS = {"model": (".yaml", ".yml", ".json"), "run": (".h5", ".npz", ".csv", 
 def converted(source: Path, target: Path, options: ModelOptions | None = None) -> Path:
     """Write what a file holds in the format that another's ending says; return the file written.
 
-    Raises
-    ------
-    ArgumentError
-        For endings that do not go together.
+    Raises `ArgumentError`: endings that do not go together.
     """
     kind = _kind(source)
     if target.suffix.lower() not in _TARGETS[kind]:

@@ -52,10 +52,7 @@ class LinearRest(Frozen):
 def linear_rest(mechanism: Mechanism, q: Array) -> LinearRest:
     """Return the linear equations about a configuration, with the inputs of least norm that hold it there.
 
-    Raises
-    ------
-    ArgumentError
-        If no inputs hold it, or there are none.
+    Raises `ArgumentError`: if no inputs hold it, or there are none.
     """
     m = mechanism
     if not m.n_inputs:
@@ -109,10 +106,7 @@ def regulator(rest: LinearRest, weights: Array, effort: Array, dt: float | None)
     ``weights`` (2 nd,): of the squares of [dq; dv]. ``effort`` (n_inputs,): of those of du. ``dt``: inputs are held
     over steps so long (s); None for continuous time.
 
-    Raises
-    ------
-    ArgumentError
-        If there is none; the message names what no input reaches.
+    Raises `ArgumentError`: if there is none; the message names what no input reaches.
     """
     from scipy.linalg import LinAlgError, solve_continuous_are, solve_discrete_are
     from scipy.signal import cont2discrete

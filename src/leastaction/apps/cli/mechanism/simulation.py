@@ -14,10 +14,7 @@ from leastaction.numerics.arrays import Array
 def times(until: float, dt: float) -> Array:
     """Return instants from 0 to an end, dt apart (s).
 
-    Raises
-    ------
-    ArgumentError
-        For numbers that make no grid.
+    Raises `ArgumentError`: numbers that make no grid.
     """
     if not (np.isfinite(until) and np.isfinite(dt) and 0.0 < dt <= until):
         raise ArgumentError(f"got --until {until:g} and --dt {dt:g} s, expected 0 < dt <= until")

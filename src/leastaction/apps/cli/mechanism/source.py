@@ -21,10 +21,7 @@ MODEL_FILES = (".urdf", ".xml", ".mjcf", ".yaml", ".yml", ".json")
 def model_of(source: str, options: ModelOptions | None = None) -> Model:
     """Return the model of a file, or the ready one of a name.
 
-    Raises
-    ------
-    ArgumentError
-        For what is neither.
+    Raises `ArgumentError`: what is neither.
     """
     if source in MODELS:
         return Model(name=source, mechanism=build(source))
@@ -50,10 +47,7 @@ def model_of(source: str, options: ModelOptions | None = None) -> Model:
 def configuration_of(model: Model, options: PoseOptions | None = None) -> Array:
     """Return the configuration (nq,) that is meant, on the constraints.
 
-    Raises
-    ------
-    ArgumentError
-        For an unknown keyframe or variable, or a loop that cannot be closed from there.
+    Raises `ArgumentError`: an unknown keyframe or variable, or a loop that cannot be closed from there.
     """
     options = options or PoseOptions()
     m = model.mechanism
@@ -72,10 +66,7 @@ def configuration_of(model: Model, options: PoseOptions | None = None) -> Array:
 def numbers_by_name(words: Iterable[str], known: Sequence[str], option: str) -> dict[str, float]:
     """Return values by name from words such as ``elbow=30deg``; the names may be patterns.
 
-    Raises
-    ------
-    ArgumentError
-        For a word of another form, or a name that nothing has.
+    Raises `ArgumentError`: a word of another form, or a name that nothing has.
     """
     values: dict[str, float] = {}
     for word in words:

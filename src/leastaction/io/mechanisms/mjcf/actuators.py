@@ -139,17 +139,7 @@ def _affine(actuator: Any, name: str, u: str, along: Along, read: _ActuatorReade
     def some(x: float) -> float | None:
         return x if x != 0.0 else None
 
-    return Servo(
-        along.scalar,
-        u,
-        g0,
-        some(b0),
-        some(-b1),
-        some(-b2),
-        some(g1),
-        some(g2),
-        name=f"servo.{name}",
-    )
+    return Servo(along.scalar, u, g0, some(b0), some(-b1), some(-b2), some(g1), some(g2), name=f"servo.{name}")
 
 
 def _damping_by_ratio(ratio: float, stiffness: float, along: Along, read: _ActuatorReader) -> float:

@@ -11,7 +11,6 @@ import numpy as np
 from leastaction.errors import ModelFileError
 from leastaction.io.mechanisms.mjcf.equalities import extra_sites
 from leastaction.io.mechanisms.mjcf.joints import joint_part
-from leastaction.io.mechanisms.mjcf.left_out import left_out_of
 from leastaction.io.mechanisms.mjcf.masses import Masses
 from leastaction.io.mechanisms.mjcf.meshes import Meshes
 from leastaction.io.mechanisms.mjcf.shapes import shapes_of
@@ -91,3 +90,28 @@ def _in_order(body: Any, parent: int) -> Iterator[tuple[Any, int]]:
 
 def _sites(body: Any, spec: Any) -> tuple[SitePart, ...]:
     return tuple(SitePart(site.name, pose_in_body(site, spec)) for site in body.sites if site.name)
+
+
+def left_out_of(spec: Any) -> list[LeftOut]:
+    """Return what of a specification nothing is made of, counted by kind."""
+    found: list[LeftOut] = []
+
+    def count(what: str, number: int, why: str) -> None:
+        if number:
+            found.append(LeftOut(f"{number} {what if number == 1 else what.replace('body', 'bodie') + 's'}", why))
+
+    touching = sum(bool(geom.contype or geom.conaffinity) for geom in spec.geoms)
+    count("touching geom", touching if touching > 1 else 0, "bodies pass through each other")
+    count("contact pair", len(spec.pairs), "bodies pass through each other")
+    seen = "pictures have their own"
+    count("camera", len(spec.cameras), seen)
+    count("light", len(spec.lights), seen)
+    count("skin", len(spec.skins), "bodies are rigid here, and shown by their shapes")
+    count("flex body", len(spec.flexes), "bodies are rigid here")
+    count("sensor", len(spec.sensors), "results have every place and force by name")
+    count("plugin", len(spec.plugins), "their forces are not known")
+    if spec.option.density or spec.option.viscosity:
+        found.append(LeftOut("the medium (density, viscosity)", "its forces are not taken over; `Drag` is one by hand"))
+    if any(spec.option.wind):
+        found.append(LeftOut("the wind", "without a medium it does nothing; `Drag` takes a wind"))
+    return found

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from leastaction.errors import brief
-from leastaction.mechanics.elements.base import Constraint, Force, Potential
+from leastaction.mechanics.elements.base import Constraint, Element, Force, Potential
 from leastaction.mechanics.elements.compiler import Compiler
 from leastaction.mechanics.elements.context import Context
 from leastaction.mechanics.elements.kinds import Uses
@@ -28,39 +28,43 @@ if TYPE_CHECKING:
     from leastaction.mechanics.expressions.cords import ExpressionCord
 
 
-def _compiled(element: ExpressionPotential | ExpressionConstraint) -> CompiledExpression:
-    """The expression as the core takes it."""
-    symbols()  # or say that SymPy is needed
-    from leastaction.mechanics.expressions.compiled import compile_expression
+class _ScalarExpression(Element):
+    """An element that is one scalar expression of the user's."""
 
-    return compile_expression(element.expression, what=element.title)
+    expression: sympy.Expr
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _ = self.compiled  # so that an expression that cannot be compiled is an error here
 
-def _uses_of_scalar(element: ExpressionPotential | ExpressionConstraint) -> Uses:
-    """Frames and variables of the expression."""
-    return Uses(frames=element.compiled.frames, variables=element.compiled.variables)
+    @cached_property
+    def compiled(self) -> CompiledExpression:
+        """The expression as the core takes it."""
+        symbols()  # or say that SymPy is needed
+        from leastaction.mechanics.expressions.compiled import compile_expression
 
+        return compile_expression(self.expression, what=self.title)
 
-def _slope(
-    element: ExpressionPotential | ExpressionConstraint,
-    pieces: Mapping[tuple[str, str], Array],
-    values: Mapping[str, Array | float],
-) -> Array | None:
-    """The slope of the expression by distances, where it is one of distances alone."""
-    cord = element.cord
-    return None if cord is None else cord.by_lengths(np.array([pieces[pair] for pair in cord.pieces]), values)
+    @cached_property
+    def cord(self) -> ExpressionCord | None:
+        """The expression as a cord."""
+        from leastaction.mechanics.expressions.cords import cord_of
 
+        return cord_of(self.expression)
 
-def _cord(element: ExpressionPotential | ExpressionConstraint) -> ExpressionCord | None:
-    """The expression as a cord."""
-    from leastaction.mechanics.expressions.cords import cord_of
+    def slope(self, pieces: Mapping[tuple[str, str], Array], values: Mapping[str, Array | float]) -> Array | None:
+        """The slope of the expression by distances, where it is one of distances alone."""
+        cord = self.cord
+        return None if cord is None else cord.by_lengths(np.array([pieces[pair] for pair in cord.pieces]), values)
 
-    return cord_of(element.expression)
+    @property
+    def uses(self) -> Uses:
+        return Uses(frames=self.compiled.frames, variables=self.compiled.variables)
 
 
 @public
 @dataclass(frozen=True)
-class ExpressionPotential(Potential):
+class ExpressionPotential(_ScalarExpression, Potential):
     """A potential energy of the user's own: ``V`` (J) as an expression.
 
     Parameters
@@ -79,15 +83,6 @@ class ExpressionPotential(Potential):
 
     called = "potential"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _ = self.compiled  # so that an expression that cannot be compiled is an error here
-
-    compiled = cached_property(_compiled)
-    cord = cached_property(_cord)
-    slope = _slope
-    uses = property(_uses_of_scalar)
-
     def describe(self) -> str:
         return brief(self.expression)
 
@@ -97,7 +92,7 @@ class ExpressionPotential(Potential):
 
 @public
 @dataclass(frozen=True)
-class ExpressionConstraint(Constraint):
+class ExpressionConstraint(_ScalarExpression, Constraint):
     """A holonomic constraint of the user's own: ``h(q, t) = 0`` with h as an expression.
 
     Parameters
@@ -115,15 +110,6 @@ class ExpressionConstraint(Constraint):
     expression: sympy.Expr
 
     called = "constraint"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _ = self.compiled  # so that an expression that cannot be compiled is an error here
-
-    compiled = cached_property(_compiled)
-    cord = cached_property(_cord)
-    slope = _slope
-    uses = property(_uses_of_scalar)
 
     def describe(self) -> str:
         return f"{brief(self.expression)} = 0"

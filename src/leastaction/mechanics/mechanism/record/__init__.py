@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from leastaction.mechanics.mechanism.record.files import read_plan, write_plan
-from leastaction.mechanics.mechanism.record.mechanism import mechanism_type, plan_data, plan_of
+from leastaction.mechanics.mechanism.record.mechanism import mechanism_type, plan_data, plan_of, read_plan, write_plan
 
 __all__ = ["mechanism_type", "plan_data", "plan_of", "read_plan", "write_plan"]

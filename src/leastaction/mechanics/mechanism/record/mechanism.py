@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from functools import cache
+from pathlib import Path
 from typing import Any, Literal, Union
 
 import msgspec
@@ -13,7 +15,7 @@ from leastaction.mechanics.mechanism.compilation import Plan, plan
 from leastaction.mechanics.mechanism.record.elements import element_data, element_of, element_types
 from leastaction.mechanics.mechanism.record.frames import tree_data, tree_of
 from leastaction.mechanics.mechanism.record.types import AnyFrame, Strict
-from leastaction.numerics.documents import Document, check_format
+from leastaction.numerics.documents import Document, check_format, read_document, write_document
 
 FORMAT = "mechanism 1"
 """What the first line of a file says: its kind, and the version of the format."""
@@ -84,3 +86,13 @@ def plan_of(document: Document) -> Plan:
         start = str(error).partition(":")[0]
         place = ("elements", at[0]) if at else (start,) if start in record.__struct_fields__ else ()
         raise document.error(place, str(error).removeprefix(f"{start}: " if place == (start,) else "")) from None
+
+
+def write_plan(settled: Plan, path: str | os.PathLike[str]) -> Path:
+    """Write a mechanism to a file; see `Mechanism.save`."""
+    return write_document(path, plan_data(settled))
+
+
+def read_plan(path: str | os.PathLike[str]) -> Plan:
+    """Read a mechanism from a file; see `Mechanism.load`."""
+    return plan_of(read_document(path))

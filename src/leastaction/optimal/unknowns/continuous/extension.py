@@ -14,7 +14,7 @@ from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array, read_only
 from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.optimal.accuracy import Accuracy
-from leastaction.optimal.collocation.problem import Collocation
+from leastaction.optimal.collocation.problem import Collocation, mesh_of
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.problem import ContinuousProblem
 from leastaction.optimal.continuous.system import ContinuousSystem
@@ -94,12 +94,7 @@ class ContinuousExtension:
                 f"resume: got a result {'without' if missing else 'with'} the unknown {(missing or others)[0]!r}, "
                 "expected those of this call; give initial=result instead"
             )
-        mesh = None if result.state is None else result.state.mesh
-        if mesh is None:
-            raise ArgumentError(
-                "resume: got a result that was not found on a mesh, expected one with the unknowns of this call. Give "
-                "it as initial"
-            )
+        mesh = mesh_of(result, "unknowns")
         t0, tf = float(mesh.breaks[0]), float(mesh.breaks[-1])
         self._begun(t0, tf, result.unknowns)
         values = self.system.values(mesh.x[0])
@@ -189,10 +184,7 @@ class ContinuousExtension:
     def _check(self, x: Array, curve: DenseTrajectory) -> None:
         """Ask for the derivatives by the unknowns, so that what they cannot be found for is said before the first step.
 
-        Raises
-        ------
-        ArgumentError
-            From the system.
+        Raises `ArgumentError`: from the system.
         """
         self.system.start_directions(x, None)
         with suppress(LeastActionError):  # The start need not be a trajectory.

@@ -20,8 +20,7 @@ import numpy as np
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.differences import fourth_order
-from leastaction.optimal.collocation.layout import NodeLayout
-from leastaction.optimal.collocation.mesh import STAGES
+from leastaction.optimal.collocation.mesh import STAGES, NodeLayout
 from leastaction.optimal.continuous.system import ContinuousSystem, with_parameters
 from leastaction.optimal.quantity import Quantity
 from leastaction.optimal.space import ProductSpace, Vectors
@@ -41,10 +40,7 @@ class ExtendedContinuousSystem(Extended, ContinuousSystem):
 
     ``horizon``: (t0, t0 + D), on which everything over time is stated.
 
-    Raises
-    ------
-    ArgumentError
-        A final time of a system that jumps with time.
+    Raises `ArgumentError`: a final time of a system that jumps with time.
     """
 
     system: ContinuousSystem
