@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
@@ -26,10 +27,13 @@ from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 from leastaction.optimal.discrete.linear_quadratic import solve_linear_quadratic
 
+Flags = NDArray[np.bool_]
+
 _CLOSE = 1e-6  # error of a gain, in parts of what it is in the piece
 _IN_ROW = 1e-3  # part of the largest gain of an input below which others are small
 _SHORTEST = 1e-12  # shortest piece, in parts of the horizon
 _MOST = 1000  # pieces beside those of the model: what oscillates faster than they tell is left as it is
+_AT_ONCE = 32  # pieces: what is behind them has to be known to tell whether they are too long
 _ABSCISSAE = 2.0 * Mesh(np.array([0.0, 1.0])).t - 1.0
 
 
@@ -51,29 +55,26 @@ def regulator_along(
 class _Pieces(NamedTuple):
     """Pieces one after the other, and the steps within them as far as no cost to go is known at their ends.
 
-    ``begin``, ``end`` (n,): times (s). ``fine`` (n,): which of them are known to be short enough. ``moves`` (n, 11, nx,
-    m): where steps lead, by the state that they begin with and the inputs at their points. ``H`` (n, 11, m, m): their
-    cost, by the same. The steps are from each point, from the middle and from the begin to the end, and from the begin
-    to the middle. ``here`` (n, 8, size): the problem at the points.
+    ``begin``, ``end`` (n,): times (s). ``moves`` (n, 11, nx, m): where steps lead, by the state that they begin with
+    and the inputs at their points. ``H`` (n, 11, m, m): their cost, by the same. The steps are from each point, from
+    the middle and from the begin to the end, and from the begin to the middle. ``here`` (n, 8, size): the problem at
+    the points.
     """
 
     begin: Array
     end: Array
-    fine: np.ndarray[tuple[int], np.dtype[np.bool_]]
     moves: Array
     H: Array
     here: Array
 
-    def some(self, which: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> _Pieces:
+    def some(self, which: slice | NDArray[np.intp]) -> _Pieces:
         """Return some of them."""
         return _Pieces(*(part[which] for part in self))
 
-    def exchanged(self, which: np.ndarray[tuple[int], np.dtype[np.bool_]], new: _Pieces) -> _Pieces:
-        """Return them with new pieces in place of some."""
-        order = np.argsort(np.concatenate([self.begin[~which], new.begin]))
-        return _Pieces(
-            *(np.concatenate([kept, made])[order] for kept, made in zip(self.some(~which), new, strict=True))
-        )
+    def beside(self, others: _Pieces) -> _Pieces:
+        """Return these and others, in order."""
+        order = np.argsort(np.concatenate([self.begin, others.begin]))
+        return _Pieces(*(np.concatenate(parts)[order] for parts in zip(self, others, strict=True)))
 
 
 class _Backwards:
@@ -87,29 +88,32 @@ class _Backwards:
 
     def gains(self, P: Array) -> PiecewisePolynomial | None:
         """Return the gains; None where there is no minimum. ``P`` (nx, nx): at the end."""
-        pieces = self._pieces(self.mesh.breaks[:-1], self.mesh.breaks[1:])
-        least, most = _SHORTEST * (pieces.end[-1] - pieces.begin[0]), _MOST + len(pieces.fine)
-        while True:
-            may_halve = (pieces.end - pieces.begin > least) & (len(pieces.fine) < most)
+        ahead, found, made = self._pieces(self.mesh.breaks[:-1], self.mesh.breaks[1:]), [], 0
+        least, most = _SHORTEST * (ahead.end[-1] - ahead.begin[0]), _MOST + len(ahead.end)
+        while n := len(ahead.end):
+            pieces = ahead.some(slice(max(n - _AT_ONCE, 0), None))
+            may_halve = (pieces.end - pieces.begin > least) & (made + n < most)
             known, escaped = self._costs_to_go(pieces, P)
             if escaped is None:
-                coarse = self._coarse(pieces, known) & may_halve
-                pieces.fine[:] = ~coarse
-                if not coarse.any():
-                    break
-            else:
-                if not may_halve[escaped]:
+                K, there, parts = self._laws(pieces, known)
+                parts[~may_halve] = 1
+                first = int(np.flatnonzero(parts > 1)[-1]) + 1 if (parts > 1).any() else 0  # of those that change no more
+                if not there[first:].all():
                     return None
-                coarse = np.arange(len(pieces.fine)) == escaped
-            begin, end = pieces.begin[coarse], pieces.end[coarse]
-            middle = 0.5 * (begin + end)
-            halves = np.column_stack([begin, middle]).ravel(), np.column_stack([middle, end]).ravel()
-            pieces = pieces.exchanged(coarse, self._pieces(*halves))
-        K, good = self._laws(pieces, known[2::2])
-        if not good.all():
-            return None
-        values = np.concatenate([K, np.zeros((*K.shape[:2], self.nu))], axis=2)
-        return Mesh(np.append(pieces.begin, pieces.end[-1])).fit(values, (values.shape[2],))
+                found.append((pieces.begin[first:], K[first:]))
+                P = known[2 * first]
+            elif may_halve[escaped]:
+                first, parts = len(pieces.end), 1 + (np.arange(len(pieces.end)) == escaped)
+            else:
+                return None
+            made += len(pieces.end) - first
+            coarse = np.flatnonzero(parts > 1)
+            shares = [np.append(1.0 - 0.5 ** np.arange(count), 1.0) for count in parts[coarse]]
+            breaks = [pieces.begin[i] + share * (pieces.end[i] - pieces.begin[i]) for i, share in zip(coarse, shares, strict=True)]
+            before = n - len(coarse)
+XX        begins, values = (np.concatenate(parts[::-1]) for parts in zip(*found, strict=True))
+        values = np.concatenate([values, np.zeros((*values.shape[:2], self.nu))], axis=2)
+        return Mesh(np.append(begins, self.mesh.breaks[-1])).fit(values, (values.shape[2],))
 
     def _costs_to_go(self, pieces: _Pieces, P: Array) -> tuple[Array, int | None]:
         """Return P (2n+1, nx, nx) at begins and middles of all pieces and at the end, and the piece that has none."""
@@ -123,38 +127,29 @@ class _Backwards:
         assert done.P is not None
         return done.P, None if done.stage is None else done.stage // 2
 
-    def _coarse(self, pieces: _Pieces, known: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """Return which pieces are too long, of those that are not known to be fine."""
-        open_ = ~pieces.fine
-        pieces, begin, end = pieces.some(open_), known[:-1:2][open_], known[2::2][open_]
+    def _laws(self, pieces: _Pieces, known: Array) -> tuple[Array, Flags, Flags]:
+        """Return the gains (n, 8, nu nx) at the points of pieces, where there are such, and which too long."""
+        begin, end = known[:-1:2], known[2::2]
         whole, good = self._steps(pieces, slice(POINTS + 1, POINTS + 2), end)
         size = np.sqrt(np.abs(np.diagonal(begin, axis1=1, axis2=2)))
         allowed = size[:, :, None] * size[:, None] + 1e-3 * np.abs(begin).max(axis=(1, 2), keepdims=True)
         off = (np.abs(begin - whole[:, 0]) > _CLOSE * allowed).any(axis=(1, 2))
-        K, good_points = self._laws(pieces, end)
-        coarse = np.zeros_like(open_)
-        coarse[open_] = off | ~good | ~good_points | self._rough(K)
-        return coarse
-
-    def _laws(self, pieces: _Pieces, end: Array) -> tuple[Array, np.ndarray[tuple[int], np.dtype[np.bool_]]]:
-        """Return the gains (n, 8, nu nx) at the points of pieces by P at their ends, and where there are such, (n,)."""
-        P, good = self._steps(pieces, slice(POINTS), end)
+        P, there = self._steps(pieces, slice(POINTS), end)
         here = self._unpacked(pieces.here.reshape(-1, pieces.here.shape[2]))
         right = here.B.transpose(0, 2, 1) @ P.reshape(-1, self.nx, self.nx) + here.S.transpose(0, 2, 1)
-        return np.asarray(np.linalg.solve(here.R, right)).reshape(len(end), POINTS, -1), good
+        K: Array = np.linalg.solve(here.R, right).reshape(len(end), POINTS, -1)
+        return K, there, off | ~good | ~there | self._rough(K)
 
-    def _rough(self, K: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    def _rough(self, K: Array) -> Flags:
         """Return in which pieces gains are no polynomials of the degree that these have."""
         coefficients = np.abs(Mesh(np.arange(len(K) + 1.0)).coefficients(K))
         size = coefficients.max(axis=1).reshape(-1, self.nu, self.nx)
         size = np.maximum(size, _IN_ROW * size.max(axis=2, keepdims=True)).reshape(len(K), -1)
         tail = np.maximum(coefficients[:, -1], 0.1 * coefficients[:, -2])
-        rough: np.ndarray[tuple[int], np.dtype[np.bool_]] = (tail > _CLOSE * size + 1e-300).any(axis=1)
+        rough: Flags = (tail > _CLOSE * size + 1e-300).any(axis=1)
         return rough
 
-    def _steps(
-        self, pieces: _Pieces, which: slice, end: Array
-    ) -> tuple[Array, np.ndarray[tuple[int], np.dtype[np.bool_]]]:
+    def _steps(self, pieces: _Pieces, which: slice, end: Array) -> tuple[Array, Flags]:
         """Return P (n, steps, nx, nx) where steps begin, by that at the ends of pieces, and which have a minimum."""
         moves, nx = pieces.moves[:, which], self.nx
         H = pieces.H[:, which] + moves.transpose(0, 1, 3, 2) @ end[:, None] @ moves
@@ -179,7 +174,6 @@ class _Backwards:
         return _Pieces(
             begins,
             ends,
-            np.zeros(len(begins), dtype=np.bool_),
             moves.reshape(*split, *moves.shape[1:]),
             H.reshape(*split, *H.shape[1:]),
             self.problem(points),
