@@ -80,9 +80,10 @@ WholeLagrangian<double> at_rest(const Mechanism& m, const In<1>& q, Time t = {})
     return {m, configuration_of(m, q, "q"), std::vector<double>(m.n_variables()), t};
 }
 
-std::vector<Dual<double>> duals(const Mechanism& m, const double* x, const double* dx) {
-    std::vector<Dual<double>> out(m.n_variables());
-    for (std::size_t i = 0; i < out.size(); ++i) out[i] = {x[m.external[i]], dx[m.external[i]]};
+// What stands behind the variables, quaternions, stays.
+std::vector<Dual<double>> duals(const std::vector<double>& x, const std::vector<double>& dx) {
+    std::vector<Dual<double>> out(x.begin(), x.end());
+    for (std::size_t i = 0; i < dx.size(); ++i) out[i].d = dx[i];
     return out;
 }
 
@@ -224,9 +225,8 @@ Out force_curvature(const Mechanism& m, const In<1>& q, const In<1>& v, const In
                     const std::optional<ElementParts>& parts) {
     const std::size_t n = m.n_variables(), r = m.n_inputs, size = 2 * n + r;
     expect(u.size(), r, "u");
-    expect_no_balls(m, "second derivatives of forces");
-    const std::vector<double> Q = to_internal(m, q, "q"), V = to_internal(m, v, "v"), MU = to_internal(m, mu, "mu");
-    const auto along_v = duals(m, q.data(), v.data()), along_mu = duals(m, q.data(), mu.data());
+    const std::vector<double> Q = configuration_of(m, q, "q"), V = to_internal(m, v, "v"), MU = to_internal(m, mu, "mu");
+    const auto along_v = duals(Q, V), along_mu = duals(Q, MU);
     Placement<double> at(m);
     Placement<Dual<double>> at_v(m), at_mu(m);
     place(m.force_joints, Q.data(), at);
@@ -336,10 +336,9 @@ void bind_mechanism(nb::module_& module) {
         .def(
             "third",
             [](const Mechanism& m, const In<1>& q, const In<1>& v, const In<1>& dq, const In<1>& dv) {
-                expect_no_balls(m, "third derivatives of the Lagrangian");
-                for (const auto* a : {&q, &v, &dq, &dv}) expect(a->size(), m.n_variables(), "argument");
-                return WholeLagrangian<Dual<double>>(m, duals(m, q.data(), dq.data()), duals(m, v.data(), dv.data()))
-                    .second();
+                const auto along_q = duals(configuration_of(m, q, "q"), to_internal(m, dq, "dq"));
+                const auto along_v = duals(to_internal(m, v, "v"), to_internal(m, dv, "dv"));
+                return WholeLagrangian<Dual<double>>(m, along_q, along_v).second();
             },
             "q"_a, "v"_a, "dq"_a, "dv"_a, "Derivative of hessian() along (dq, dv).")
         .def(

@@ -1,4 +1,4 @@
-// Functions of a mechanism at one point, with derivatives along directions.
+// Functions of a mechanism at one point, with derivatives along directions; of balls in their charts rx ry rz.
 
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/tuple.h>
@@ -33,8 +33,7 @@ nb::tuple functions_at(const Mechanism& m, const Functions& functions, int first
     if (first < 0 || first > last || last > static_cast<int>(functions.size()))
         throw std::invalid_argument("no such elements: " + std::to_string(first) + " to " + std::to_string(last));
     expect(mu.size(), last - first, "mu");
-    expect_no_balls(m, "derivatives of a function of the configuration");
-    return arrays_of(functions_of_configuration(m, functions, first, last, mu.data(), to_internal(m, q, "q"),
+    return arrays_of(functions_of_configuration(m, functions, first, last, mu.data(), configuration_of(m, q, "q"),
                                                 {directions_of(m, dq, "dq"), {}}));
 }
 
@@ -147,8 +146,7 @@ void bind_queries(nb::class_<Mechanism>& mechanism) {
             "lagrangian_of_bodies",
             [](const Mechanism& m, const In<1>& q, const In<1>& v, const In<2>& dq, const In<2>& dv) {
                 expect(dv.shape(0), dq.shape(0), "dv");
-                expect_no_balls(m, "derivatives of the Lagrangian");
-                return arrays_of(lagrangian_of_bodies(m, to_internal(m, q, "q"), to_internal(m, v, "v"),
+                return arrays_of(lagrangian_of_bodies(m, configuration_of(m, q, "q"), to_internal(m, v, "v"),
                                                       {directions_of(m, dq, "dq"), directions_of(m, dv, "dv")}));
             },
             "q"_a, "v"_a, "dq"_a, "dv"_a,
@@ -173,14 +171,13 @@ void bind_queries(nb::class_<Mechanism>& mechanism) {
             [](const Mechanism& m, const In<1>& mu, const In<1>& q, const In<1>& v, const In<1>& u, const In<1>& dq,
                const In<1>& dv, const In<1>& du, const ElementParts& parts) {
                 expect(mu.size(), m.n_variables(), "mu");
-                expect_no_balls(m, "derivatives of forces");
                 const auto given = [&](const In<1>& inputs, const char* what) {
                     expect(inputs.size(), m.n_inputs, what);
                     return std::vector<double>(inputs.data(), inputs.data() + inputs.size());
                 };
                 const ForceDerivatives d = forces_along(
                     m, some_of(m.forces, parts, &ElementCounts::forces), {mu.data(), mu.data() + mu.size()},
-                    {to_internal(m, q, "q"), to_internal(m, v, "v"), given(u, "u")},
+                    {configuration_of(m, q, "q"), to_internal(m, v, "v"), given(u, "u")},
                     {to_internal(m, dq, "dq"), to_internal(m, dv, "dv"), given(du, "du")});
                 const std::size_t n = m.n_variables();
                 return nb::make_tuple(copy_of(d.jacobian, {n, 2 * n + m.n_inputs}),

@@ -12,17 +12,14 @@ namespace {
 
 using Vectors = std::vector<std::vector<double>>;
 
-// A point that moves along its directions.
+// A point that moves along its directions; what stands behind the variables, quaternions, stays.
 template <class T>
 std::vector<T> moving(const std::vector<double>& x, const Vectors& along) {
-    std::vector<T> out(x.size());
-    for (std::size_t i = 0; i < x.size(); ++i)
-        if constexpr (std::is_same_v<T, double>)
-            out[i] = x[i];
-        else if constexpr (std::is_same_v<T, Dual<double>>)
-            out[i] = {x[i], along[0][i]};
-        else
-            out[i] = {{x[i], along[0][i]}, {along[1][i], 0.0}};
+    std::vector<T> out(x.begin(), x.end());
+    if constexpr (std::is_same_v<T, Dual<double>>)
+        for (std::size_t i = 0; i < along[0].size(); ++i) out[i].d = along[0][i];
+    if constexpr (std::is_same_v<T, HyperDual>)
+        for (std::size_t i = 0; i < along[0].size(); ++i) out[i] = {{x[i], along[0][i]}, {along[1][i], 0.0}};
     return out;
 }
 
@@ -148,7 +145,7 @@ ForceDerivatives forces_along(const Mechanism& m, const Forces& forces, const st
         unit[j] = 1.0;
         const auto twice = [&](const std::vector<double>& x, const std::vector<double>& dx, std::size_t start) {
             const auto from = unit.begin() + static_cast<std::ptrdiff_t>(start);
-            return moving<HyperDual>(x, {dx, {from, from + static_cast<std::ptrdiff_t>(x.size())}});
+            return moving<HyperDual>(x, {dx, {from, from + static_cast<std::ptrdiff_t>(dx.size())}});
         };
         const std::vector<double> jacobian = force_jacobian(m, forces, twice(point.q, along.q, 0),
                                                             twice(point.v, along.v, n), twice(point.u, along.u, 2 * n));

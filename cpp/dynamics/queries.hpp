@@ -2,7 +2,7 @@
 // along directions, none, one or two. So the Hessian goes to the third order contracted with one direction, and to the fourth
 // contracted with two, by dual and hyper-dual numbers.
 //
-// Configurations, velocities and directions in internal order, results in the user's.
+// Configurations, velocities and directions in internal order, results in the user's. Balls have the coordinates of their charts.
 #pragma once
 
 #include <vector>

@@ -151,6 +151,12 @@ def mechanism_calls(c: Case, folder: Path) -> dict[str, Callable[[], Any]]:
         "frame_velocity": lambda: m.frame_velocity(q, v, frame),
         "frame_jacobian": lambda: m.frame_jacobian(q, frame),
         "frame_jacobian_derivative": lambda: m.frame_jacobian_derivative(q, frame),
+        "frame_velocity_derivative": lambda: m.frame_velocity_derivative(q, v, frame, axes="frame"),
+        "frame_pose_derivative": lambda: m.frame_pose_derivative(q, frame, order=3, along=[v]),
+        "lagrangian": lambda: m.lagrangian(q, v).along(q=v, v=v).along(q=v).hessian,
+        "potential": lambda: m.potential(q).along(q=v).hessian,
+        "constraint": lambda: m.constraint(q).along(q=v).hessian,
+        "force": lambda: m.force(q, v).along(q=v, v=v).hessian,
         "energy": lambda: m.energy(q, v),
         "momentum": lambda: m.momentum(q, v),
         "total_momentum": lambda: m.total_momentum(q, v),
@@ -189,6 +195,11 @@ def mechanism_calls(c: Case, folder: Path) -> dict[str, Callable[[], Any]]:
         "MidpointVI.tensors": lambda: vi.tensors(run, 2),
         "MidpointVI.differentiate_by": lambda: vi.differentiate_by(run, ["A.value", "s.stiffness"]),
         "MidpointVI.sensitivity": lambda: vi.sensitivity(run, ["s.stiffness"], v=v),
+        "MidpointVI.discrete_lagrangian": lambda: (
+            vi.discrete_lagrangian(*run.q[:2], 0.02).along(q1=v).along(q2=v).hessian
+        ),
+        "MidpointVI.discrete_potential": lambda: vi.discrete_potential(*run.q[:2], 0.02).along(q1=v).hessian,
+        "MidpointVI.discrete_force": lambda: vi.discrete_force(*run.q[:2], None, 0.02)[1].along(q1=v).hessian,
         "MidpointVI.driving_force": lambda: vi.driving_force(run),
         "MidpointVI.balance": lambda: vi.balance(run),
         "Trajectory": lambda: (

@@ -189,6 +189,40 @@ def test_what_has_no_angle_is_refused(what: str) -> None:
         REFUSED[what]()
 
 
+def test_a_joint_is_turned_and_held_by_its_name() -> None:
+    solid = {"mass": 1.0, "inertia": (0.1, 0.2, 0.3)}
+    m = Mechanism([free("hull", **solid), [ball("arm", **solid)]], [])
+    turned = m.configuration({"hull": [0.8, 0.6, 0.0, 0.0], "hull.z": 2.0})
+    np.testing.assert_array_equal(turned, [0.0, 0.0, 2.0, 0.8, 0.6, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(MidpointVI(m).start({"hull": [0.8, 0.6, 0.0, 0.0], "hull.z": 2.0}).q, turned)
+    for wrong, match in (
+        ([0.6, 0.8], r"values: the value of 'hull': got shape \(2,\), expected \(4,\), that is a unit quaternion"),
+        ([1.0, 1.0, 0.0, 0.0], "are a unit quaternion, scalar first, whose length is 1; got the length 1.41421"),
+    ):
+        with pytest.raises(ArgumentError, match=match):
+            m.configuration({"hull": wrong})
+    tree = [ball("upper", **solid), [la.tx(1.0), [ball("lower", **solid), [la.tx(1.0, name="end")]]]]
+    chain = Mechanism(tree, [la.PointToPoint("end", "world", "z")])
+    guess = chain.configuration({"upper": [0.96, 0.0, 0.28, 0.0]})
+    held = la.project_configuration(chain, guess, hold=["upper"]).q
+    np.testing.assert_array_equal(held[:4], guess[:4])
+    assert np.abs(held[4:] - guess[4:]).max() > 0.1
+
+
+def test_between_its_instants_an_optimised_motion_has_rotations() -> None:
+    """On a mesh that is still coarse, polynomials between its points are off the length of quaternions."""
+    m = Mechanism([ball("hull", mass=1.0, inertia=(0.2, 0.3, 0.4))], [JointForce(f"hull.w{a}", a) for a in "xyz"])
+    system, still = la.MechanismSystem(m), np.array([1.0, 0, 0, 0, 0, 0, 0])
+    over = np.array([0.1, np.sqrt(0.99), 0, 0, 0, 0, 0])
+    cost = la.ContinuousQuadraticCost(over, np.zeros(3), Q=[1.0] * 6, R=[1e-3] * 3, space=system)
+    found = la.optimize(system, cost, initial=(still, np.zeros(3)), horizon=(0.0, 2.0), max_iterations=3)
+    t = np.linspace(0.0, 2.0, 401)
+    lengths = np.linalg.norm([found.dense.x(at)[:4] for at in t], axis=1)
+    assert np.abs(lengths - 1.0).max() > 1e-6
+    np.testing.assert_allclose(np.linalg.norm(found.trajectory(t)[:, :4], axis=1), 1.0, atol=1e-14)
+    assert len(la.show(found).scenes[0].t) >= len(found.t)
+
+
 def test_a_quaternion_has_length_one() -> None:
     m = floater()
     q = m.configuration()
@@ -201,22 +235,6 @@ def test_a_quaternion_has_length_one() -> None:
     # Rounding of a file is taken out.
     q[3] = 1.0 + 1e-8
     assert MidpointVI(m).start(q).q[3] == 1.0
-
-
-def test_what_is_not_there_says_so() -> None:
-    m = floater()
-    q, v = m.configuration(), np.zeros(m.nv)
-    vi = MidpointVI(m)
-    asked: list[Callable[[], Any]] = [
-        lambda: m.lagrangian(q, v),
-        lambda: m.potential(q),
-        lambda: m.frame_pose_derivative(q, "hand"),
-        lambda: m.frame_jacobian_derivative(q, "hand", order=2),
-        lambda: vi.discrete_lagrangian(q, q, 0.1),
-    ]
-    for ask in asked:
-        with pytest.raises(ArgumentError, match=r"a rotation is a quaternion"):
-            ask()
 
 
 def test_numbers_may_be_given_by_name_wherever_one_row_is_taken() -> None:

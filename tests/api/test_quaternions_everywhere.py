@@ -8,11 +8,9 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from api import rotating
-from leastaction.errors import ArgumentError
 from leastaction.mechanics import Mechanism, MidpointVI, Trajectory
 
 CASES = {"carried by a hand": rotating.Case(rotating.carried), "floating": rotating.Case(rotating.floating)}
@@ -29,6 +27,7 @@ TAKEN_BY = (
 ELSEWHERE = {
     # What a run or a search returns, made by what is walked.
     "ContinuousTrajectory",
+    "ClosedLoop",
     "StepDerivatives",
     "OptimizationResult",
     "Identification",
@@ -88,16 +87,10 @@ def test_all_that_is_public_is_asked() -> None:
     methods = {"Mechanism": Mechanism, "MidpointVI": MidpointVI, "Trajectory": Trajectory}
     for owner, kind in methods.items():
         for name, _ in inspect.getmembers(kind, inspect.isfunction):
-            of_derivatives = name.startswith(("discrete_", "_")) or name in ANGLES
-            if not of_derivatives and name not in asked | INNER:
+            if not name.startswith("_") and name not in asked | INNER:
                 missing.append(f"{owner}.{name}")
     assert not missing
 
-
-ANGLES = {
-    "lagrangian", "potential", "force", "constraint", "frame_pose_derivative", "frame_velocity_derivative",
-}  # fmt: skip
-"""Derivatives of any order, which are of angles: `test_quaternions.py` has what they say."""
 
 INNER = {
     # Of a mechanism: what else it is changed to, or asked; each with tests of its own.
@@ -119,11 +112,3 @@ def _takes_a_mechanism(it: Any) -> bool:
         set(str(each.annotation).replace("|", " ").replace("[", " ").replace("]", " ").split()) for each in parameters
     ]
     return any(not each.isdisjoint(TAKEN_BY) for each in words)
-
-
-def test_derivatives_of_any_order_say_that_they_are_of_angles() -> None:
-    c = CASES["floating"]
-    for ask in (lambda: c.m.lagrangian(c.q, c.v), lambda: c.vi.discrete_lagrangian(c.q, c.q, 0.1)):
-        with pytest.raises(ArgumentError, match="a rotation is a quaternion"):
-            ask()
-    assert np.isfinite(c.run.x).all()

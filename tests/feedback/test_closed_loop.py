@@ -118,7 +118,7 @@ def test_many_runs_and_their_bands():
     assert np.abs(bands["theta"][:, -10:] - np.pi).max() < 0.1
     pytest.importorskip("matplotlib").use("Agg")
     figure = bands.plot(["theta", "x-force"])
-    assert [axis.get_ylabel() for axis in figure.axes] == ["theta (rad)", "x-force (N)"]
+    assert [axis.get_ylabel() for axis in figure.axes] == ["theta (°)", "x-force (N)"]
 
 
 def test_noise_of_the_whole_state_goes_by_its_names():

@@ -304,4 +304,7 @@ def test_many_motions_are_bands_of_what_chance_may_do():
     assert (low < middle).all()
     assert not bands.failures
     pytest.importorskip("matplotlib").use("Agg")
-    assert [axis.get_ylabel() for axis in bands.plot(["theta", "x-force"]).axes] == ["theta (rad)", "x-force (N)"]
+    assert [axis.get_ylabel() for axis in bands.plot(["theta", "x-force"]).axes] == ["theta (°)", "x-force (N)"]
+    (alone,) = bands.plot("theta").axes
+    assert alone.get_xlabel() == "time (s)"
+    np.testing.assert_allclose(alone.lines[0].get_ydata(), np.degrees(middle))

@@ -6,8 +6,19 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from leastaction import Bound, QuadraticCost, optimize
+from leastaction import (
+    Bound,
+    JointForce,
+    Mechanism,
+    MidpointSystem,
+    MidpointVI,
+    QuadraticCost,
+    ball,
+    optimize,
+    simulate,
+)
 from leastaction.control import MPC, KalmanFilter, MovingHorizonEstimator, close_loop
+from leastaction.costs import tracking
 from leastaction.errors import ArgumentError
 from optimal.spaces import Body, Circle, Pendulum
 
@@ -34,6 +45,30 @@ def test_an_attitude_seen_by_a_star_tracker_is_consistent(kind):
     off = system.difference(estimate.x, np.array(x))
     nees = np.einsum("ki,kij,kj->k", off, np.linalg.inv(estimate.P), off)
     assert 3.0 < nees.mean() < 10.0  # 6 in the mean
+
+
+def test_a_controller_that_is_given_noisy_readings_is_given_rotations():
+    """Noise on the numbers of a quaternion takes their length from one, which no controller can begin from."""
+    m = Mechanism([ball("hull", mass=1.0, inertia=(0.2, 0.3, 0.4))], [JointForce(f"hull.w{a}", a) for a in "xyz"])
+    vi, t = MidpointVI(m, threads=1), 0.1 * np.arange(21)
+    system = MidpointSystem(vi, t[:11])
+    mpc = MPC(system, tracking(system, {"hull": 10.0, "hull.v": 1.0}, {"hull": [0.8, 0.6, 0.0, 0.0]}, effort=0.1))
+    loop = simulate(vi, vi.start(m.configuration()), t, inputs=mpc, noise=1e-3, seed=4)
+    assert loop.failure is None
+    np.testing.assert_allclose(np.linalg.norm(loop.y[:, :4], axis=1), 1.0, atol=1e-15)
+    assert np.abs(loop.y - loop.x).max() > 1e-3
+    assert abs(loop["hull.qx"][-1] - 0.6) < 0.1
+    # What sensors read is left as it is.
+    read = simulate(vi, vi.start(m.configuration()), t, measure="hull.q*", noise=1e-2, seed=4).y
+    assert np.abs(np.linalg.norm(read, axis=1) - 1.0).max() > 1e-3
+
+
+def test_what_is_measured_is_a_word_or_a_list_of_words():
+    m = Mechanism([ball("hull", mass=1.0, inertia=(0.2, 0.3, 0.4))], [JointForce("hull.wx", "a")])
+    system = MidpointSystem(MidpointVI(m, threads=1), 0.1 * np.arange(3))
+    x = system.integrator.start(m.configuration()).x
+    kalman = [KalmanFilter(system, measure=each, noise=0.1, process=0.1, x=x) for each in ("hull.q*", ["hull.q*"])]
+    assert kalman[0].readings.names == kalman[1].readings.names == m.coordinates
 
 
 def test_predictive_control_on_a_circle_is_the_optimum():

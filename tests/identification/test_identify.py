@@ -129,6 +129,14 @@ def test_a_horizon_that_grows_finds_what_all_at_once_does_not() -> None:
     assert len(found.horizons) > 1
 
 
+def test_a_run_is_no_experiment() -> None:
+    m = Mechanism([tx("x", mass=1.0)], [JointSpring("x", 9.0, name="spring")])
+    vi = MidpointVI(m)
+    run = vi.simulate(vi.start([0.1]), np.linspace(0.0, 1.0, 11))
+    with pytest.raises(ArgumentError, match=r"data\[0\]: got Trajectory, expected an? Experiment"):
+        identify(m, run, ["spring.stiffness"])  # type: ignore[arg-type]
+
+
 def test_several_experiments_share_their_numbers() -> None:
     """Two motions, with other pushes and starts: what one says little of, the other tells."""
     t, sigma = np.linspace(0.0, 2.0, 101), 0.005

@@ -799,9 +799,13 @@ def test_functions_with_derivatives_of_their_own(rng: np.random.Generator, of_st
     wrong = FunctionQuantity(
         "f", lambda x, *_: x[:, 0], jacobian=lambda x, *_: x, curvature=lambda x, *_: x, **options
     )  # fmt: skip
-    with pytest.raises(ArgumentError, match=r"limit 'f': its jacobian returned shape \(4, 2\), expected \(4, 1, "):
+    with pytest.raises(
+        ArgumentError, match=r"limit 'f': jacobian: the function returned shape \(4, 2\), expected \(4, 1, "
+    ):
         wrong.jacobian(at)
-    with pytest.raises(ArgumentError, match=r"limit 'f': its curvature returned shape \(4, 2\), expected \(4, "):
+    with pytest.raises(
+        ArgumentError, match=r"limit 'f': curvature: the function returned shape \(4, 2\), expected \(4, "
+    ):
         wrong.curvature(at, y[:, :1])
 
 

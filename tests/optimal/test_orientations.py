@@ -137,6 +137,28 @@ def test_a_price_on_it_keeps_to_its_derivatives_and_turns_the_hand(problem):
     assert alone.value(found.x, found.u) == pytest.approx(expected, rel=1e-12)
 
 
+def test_a_unit_quaternion_is_a_rotation_as_its_matrix_is(problem):
+    system, plain, initial = problem
+    turns = WANTED * Rotation.from_rotvec(np.outer(np.linspace(0.0, 1.0, 31), [0.3, 0.2, -0.5]))
+    quaternions = np.roll(turns.as_quat(), 1, axis=1)
+    pairs = [
+        (turns.as_matrix(), quaternions), (turns[3].as_matrix(), quaternions[3]),
+        (lambda t: turns[0].as_matrix() + 0.0 * t, lambda t: -quaternions[0] + 0.0 * t),
+    ]  # fmt: skip
+    x, u = initial[0] + 0.1, initial[1]
+    states = np.tile(x, (31, 1))
+    for matrix, quaternion in pairs:
+        values = [OrientationCost(plain, system, {"hand": each}).value(states, u) for each in (matrix, quaternion)]
+        assert values[0] == pytest.approx(values[1], rel=1e-13)
+    for wrong, match in (
+        ([2.0, 0.0, 0.0, 0.0], "got a quaternion of length 2, expected 1"),
+        (np.zeros((31, 3)), r"got shape \(31, 3\), expected \(3, 3\) or \(4,\) or .*unit quaternion, scalar first"),
+        (lambda t: [1.0, t, 0.0, 0.0], "'hand': got a quaternion of length 1.16619"),
+    ):
+        with pytest.raises(ArgumentError, match=match):
+            OrientationCost(plain, system, {"hand": wrong})
+
+
 def test_an_orientation_is_met_at_the_end_and_kept_to_within_an_angle(problem):
     system, plain, initial = problem
     met = optimize(system, plain, initial=initial, limits=[Oriented("hand", WANTED.as_matrix(), at="end")])

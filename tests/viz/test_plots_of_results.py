@@ -10,13 +10,17 @@ import pytest
 
 from leastaction import (
     ContinuousQuadraticCost,
+    JointForce,
+    Mechanism,
     MechanismSystem,
     MidpointSystem,
     MidpointVI,
     OptimizationResult,
     QuadraticCost,
+    ball,
     optimize,
 )
+from leastaction.costs import tracking
 from leastaction.errors import ArgumentError
 from leastaction.models.cart_pendulum import cart_pendulum
 from leastaction.optimal import FunctionSystem, cost_along
@@ -133,6 +137,16 @@ def test_feedback_of_a_mechanism_has_units_and_in_continuous_time_the_imaginary_
     ]  # fmt: skip
     assert (plane.get_xlabel(), largest.get_ylabel()) == ("real part (1/s)", "largest real part (1/s)")
     save_png(figure, tmp_path / "k.png", dpi=40)
+
+
+def test_feedback_of_rotations_names_turns_and_not_the_numbers_of_quaternions() -> None:
+    m = Mechanism([ball("hull", mass=1.0, inertia=(0.2, 0.3, 0.4))], [JointForce(f"hull.w{a}", a) for a in "xyz"])
+    system = MidpointSystem(MidpointVI(m, threads=1), 0.1 * np.arange(11))
+    x0 = system.integrator.start(m.configuration()).x
+    cost = tracking(system, {"hull": 10.0}, {"hull": [0.8, 0.6, 0.0, 0.0]}, effort=0.1)
+    axes = plot_feedback(optimize(system, cost, initial=(x0, np.zeros((10, 3))))).axes[0]
+    names = [text.get_text().partition(" (")[0] for text in axes.get_legend().get_texts()]
+    assert names == [*m.variables, "p_hull.wx", "p_hull.wy", "p_hull.wz"]
 
 
 @pytest.mark.parametrize("kind", ["discrete", "continuous"])

@@ -175,6 +175,15 @@ def test_a_few_of_a_unit_share_a_panel_and_many_have_small_ones() -> None:
     assert not any(a.overlaps(b) for a, b in itertools.combinations(ends, 2))
 
 
+def test_a_line_that_hardly_moves_does_not_cut_off_those_beside_it() -> None:
+    m = Mechanism([tx("still", mass=1.0), ty("moved", mass=1.0)], [])
+    vi = MidpointVI(m)
+    (axes,) = plot_run(vi.simulate(vi.start([0.0, 0.0], [0.0, 5.0]), np.linspace(0.0, 1.0, 11))).axes
+    low, high = axes.get_ylim()
+    assert low <= 0.0
+    assert high >= 5.0
+
+
 def test_result_of_no_mechanism_shows_its_states(tmp_path: Any) -> None:
     system = FunctionSystem(lambda x, u, k: x + 0.1 * u, nx=2, nu=2, N=20, derivatives="complex-step")
     x, u = np.ones((21, 2)), np.zeros((20, 2))

@@ -14,6 +14,8 @@ from leastaction.numerics.arrays import Array, as_count, read_only
 from leastaction.numerics.extras import extra
 from leastaction.numerics.public import public
 from leastaction.systems.closed_loop import ClosedLoop
+from leastaction.viz.figures import BLUE, new_figure, styled
+from leastaction.viz.signals import drawn_unit
 
 _DEPTHS = {"all": 0.2, "90 %": 0.4, "50 %": 0.6}  # share of the colour in each band, of how many runs
 
@@ -74,7 +76,7 @@ class LoopBands:
 
         Parameters
         ----------
-        names : iterable of str
+        names : str or iterable of str
         axes : sequence of matplotlib.axes.Axes, optional
             One for each name; a new figure if left out.
 
@@ -87,22 +89,28 @@ class LoopBands:
         MissingExtraError
             Matplotlib is not installed.
         """
-        chosen = list(names)
-        plt = extra("matplotlib.pyplot", of="viz", why="LoopBands.plot")
-        colors = extra("matplotlib.colors", of="viz", why="LoopBands.plot")
+        chosen = [names] if isinstance(names, str) else list(names)
+        extra("matplotlib", of="viz", why="LoopBands.plot")
+        return self._drawn(chosen, axes)
+
+    @styled
+    def _drawn(self, chosen: list[str], axes: Any) -> Any:
+        from matplotlib.colors import to_rgb
+
         if axes is None:
-            _, axes = plt.subplots(len(chosen), 1, sharex=True, squeeze=False, layout="constrained")
-            axes = axes[:, 0]
+            axes = new_figure(8.0, 0.5 + 1.9 * len(chosen)).subplots(len(chosen), 1, sharex=True, squeeze=False)[:, 0]
         for axis, name in zip(axes, chosen, strict=True):
-            bands = self.quantiles(name, (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0))
+            factor, unit = drawn_unit(self.units.get(name, ""))
+            bands = factor * self.quantiles(name, (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0))
             t = self.t[: bands.shape[1]]
             for i, (label, depth) in enumerate(_DEPTHS.items()):
-                tint = [1.0 - depth * (1.0 - part) for part in colors.to_rgb("C0")]
+                tint = [1.0 - depth * (1.0 - part) for part in to_rgb(BLUE)]
                 axis.fill_between(t, bands[i], bands[-1 - i], color=tint, lw=0.0, label=label)
-            axis.plot(t, bands[3], color="C0", label="median")
-            axis.set_ylabel(f"{name} ({self.units[name]})" if name in self.units else name)
+            axis.plot(t, bands[3], color=BLUE, label="median")
+            axis.set_ylabel(name if unit in ("", "1") else f"{name} ({unit})")
+            axis.set_xlim(self.t[0], self.t[-1])
         axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, fontsize="small", frameon=False)
-        axes[-1].set_xlabel("t (s)")
+        axes[-1].set_xlabel("time (s)")
         return axes[0].figure
 
 

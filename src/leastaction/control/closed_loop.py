@@ -22,6 +22,7 @@ from leastaction.errors import ArgumentError, LeastActionError
 from leastaction.numerics.arrays import Array, as_array, as_count, as_number, as_times, read_only
 from leastaction.numerics.public import public
 from leastaction.numerics.signals import StateLaw, takes_state
+from leastaction.optimal.space import of_unit_length
 from leastaction.optimal.system import System
 from leastaction.systems.closed_loop import ClosedLoop
 
@@ -121,8 +122,12 @@ def close_loop(
     inputs, estimates, surprise, infos = list[Array](), list[Array](), list[float](), list[Any]()
     failure = None
 
+    # Who is given readings for a state is given one: with rotations that noise has not lengthened.
+    whole = measure is None and estimator is None
+
     def reading(k: int, state: Array) -> Array:
-        return readings(readable(state), k) + noise_root @ rng.standard_normal(readings.ny)
+        found = readings(readable(state), k) + noise_root @ rng.standard_normal(readings.ny)
+        return of_unit_length(space, found) if whole else found
 
     read.append(reading(0, at))
     for k in range(N):

@@ -13,7 +13,7 @@ from leastaction.errors import ArgumentError, unknown
 from leastaction.mechanics.discrete.prescribed import inputs_along
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.turns import prescribed_rotations
-from leastaction.numerics.arrays import Array, as_array, as_flag, as_number, as_times, read_only
+from leastaction.numerics.arrays import Array, as_array, as_flag, as_number, as_times, as_wanted, read_only
 from leastaction.numerics.frozen import Frozen
 from leastaction.numerics.names import matching
 from leastaction.numerics.public import public
@@ -123,9 +123,8 @@ def channels(experiment: Experiment, m: Mechanism) -> list[Channel]:
             plain = [each for each in m.variables if each in m.coordinates]
             known = [*plain, *(_RATE + each for each in m.variables), *m.tree.index, *turns]
             raise unknown("variable or frame", name, known, "measured")
-        gaps = np.isnan(_numbers(given, name))
-        values = np.where(gaps, np.nan, as_array(np.where(gaps, 0.0, given), f"measured[{name!r}]", shape))
-        if gaps.all():
+        values = as_wanted(given, f"measured[{name!r}]", shape)
+        if np.isnan(values).all():
             raise ArgumentError(f"measured[{name!r}]: got nothing but NaN, expected some numbers")
         found.append(Channel(name, kind, at, values.reshape(len(values), -1), _sigma_of(experiment.sigma, name)))
     given_sigma = experiment.sigma
@@ -134,13 +133,6 @@ def channels(experiment: Experiment, m: Mechanism) -> list[Channel]:
             if not matching(list(experiment.measured), pattern):
                 raise unknown("measured name", pattern, list(experiment.measured), "sigma")
     return found
-
-
-def _numbers(given: Any, name: str) -> Array:
-    try:
-        return np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ArgumentError(f"measured[{name!r}]: got {type(given).__name__}, expected numbers") from None
 
 
 def _sigma_of(sigma: float | Mapping[str, float] | None, name: str) -> float:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import cast
 
 import numpy as np
 
@@ -101,7 +102,7 @@ def identify(
     True
     """
     integrator = mechanism if isinstance(mechanism, MidpointVI) else MidpointVI(mechanism, threads=1)
-    experiments = [data] if isinstance(data, Experiment) else list(data)
+    experiments = list(data) if isinstance(data, (list, tuple)) else [cast(Experiment, data)]
     for i, each in enumerate(experiments):
         require_instance(each, f"data[{i}]", Experiment, "Experiment(t, {'elbow': angles}, sigma) is one")
     if not experiments:

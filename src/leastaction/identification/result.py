@@ -20,9 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _UNLIKELY = 1e-4  # probability of residuals of that size, below which they are not what sigma says
-_COLOURED = (
-    4.0  # correlation of neighbouring residuals, in its own standard deviations, from which on it is none of noise
-)
+# Correlation of neighbouring residuals, in its own standard deviations, from which on it is none of noise.
+_COLOURED = 4.0
 _FEW = 8  # residuals at least that are told from noise
 
 

@@ -18,8 +18,8 @@ from leastaction.errors import ArgumentError, LeastActionError, brief, unknown
 
 Array = NDArray[np.float64]
 
-Row = ArrayLike | Mapping[str, float]
-"""One row of numbers, by place or by name."""
+Row = ArrayLike | Mapping[str, ArrayLike]
+"""One row of numbers, by place or by name; a unit quaternion by the name of its joint."""
 
 _MOST = 2**31 - 1  # of what is counted
 

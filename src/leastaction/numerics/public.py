@@ -239,8 +239,11 @@ def kind_of(annotation: object, function: Callable[..., Any]) -> Asked:
     origin, arguments = typing.get_origin(it), typing.get_args(it)
     if origin in (typing.Union, types.UnionType):
         arrays = set(typing.get_args(ArrayLike))
-        others = [kind_of(each, function) for each in arguments if not (arrays <= set(arguments) and each in arrays)]
-        return _any_of([*([NUMBERS] if arrays <= set(arguments) else []), *others])
+        # NumPy counts words among arrays; one that is meant stands before them.
+        if arrays <= set(arguments):
+            arrays -= {arguments[0]} & {str}
+            return _any_of([NUMBERS, *(kind_of(each, function) for each in arguments if each not in arrays)])
+        return _any_of([kind_of(each, function) for each in arguments])
     if origin is typing.Literal:
         return Asked(lambda value: isinstance(value, str) and value in arguments, " or ".join(map(repr, arguments)))
     if origin is typing.Unpack:

@@ -120,6 +120,13 @@ def widened(weight: Array, moved: Callable[[Array], Array]) -> Array:
     return across(moved(weight), moved)
 
 
+def diagonal_of(weight: Array) -> Array:
+    """Return the diagonal (n,), or (N, n), of a weight, to be written to."""
+    if weight.ndim == 1:
+        return weight
+    return weight[:, :, 0] if is_diagonal(weight) else np.einsum("...ii->...i", weight)
+
+
 def across(matrices: Array, moved: Callable[[Array], Array]) -> Array:
     """Return matrices (..., n, m) whose columns are moved, as `widened` moves rows."""
     return np.ascontiguousarray(np.swapaxes(moved(np.swapaxes(matrices, -1, -2)), -1, -2))

@@ -244,7 +244,8 @@ class OptimizationResult(Frozen, Savable):
     x, u : ndarray (N+1, nx), (N, nu)
         The trajectory.
     K : ndarray (N, nu, nx)
-        Gains about it: ``u = u_opt - K (x - x_opt)``.
+        Gains about it: ``u = u_opt - K (x - x_opt)``; where rotations are quaternions, (N, nu, ndx) and with
+        ``system.difference(x, x_opt)``.
     cost : float
         Its cost.
     expected_decrease : float

@@ -345,6 +345,16 @@ def parts_of(space: StateSpace) -> list[StateSpace]:
     return [inner for part in space.parts for inner in parts_of(part)]
 
 
+def of_unit_length(space: StateSpace | None, x: Array) -> Array:
+    """Return a state (nx,) whose quaternions are divided by their lengths, as where they were measured."""
+    x, first = x.copy(), 0
+    for part in [] if space is None else parts_of(space):
+        if isinstance(part, Rotations):
+            x[first : first + 4] /= np.linalg.norm(x[first : first + 4])
+        first += part.nx
+    return x
+
+
 # ---- What follows from charts -----------------------------------------------------------------------------------
 
 

@@ -14,25 +14,23 @@ from leastaction.mechanics.mechanism.queries.moved_points import MovedPoints
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.frozen import own_arrays, restore_state, saved_state
 from leastaction.numerics.public import public
-from leastaction.optimal.collocation.limits import Points
 from leastaction.optimal.limits.limit import Horizon, Limit, When, Within
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Instants, Quantity, Samples
-from leastaction.systems.continuous import MechanismSystem
-from leastaction.systems.midpoint import MidpointSystem
+from leastaction.systems.frames import OfConfiguration, frames_of, places_alike
 from leastaction.systems.regions import Outside, Region
 from leastaction.systems.regions.apart import apart
 from leastaction.systems.regions.balls import Balls, balls_of
 
 
-class _PlaceOfFrame(Quantity):
+class _PlaceOfFrame(OfConfiguration):
     """How far a point of a frame, or its way from the origin of another, is inside of a region."""
 
-    of_state = says_all = True
+    says_all = True
 
     def __init__(self, mechanism: Mechanism, t: Array, keep: Keep, region: Region) -> None:
-        self.mechanism, self.region = mechanism, region.over(t)
-        self.keep, self.t = keep, t
+        super().__init__(mechanism)
+        self.region, self.keep, self.t = region.over(t), keep, t
         self.frame, self.point, self.origin = keep.frame, np.asarray(keep.point, dtype=np.float64), keep.origin
         place = keep.frame if keep.origin is None else f"{keep.frame} from {keep.origin}"
         self.names = tuple(f"{place} {name}" for name in self.region.names)
@@ -43,17 +41,14 @@ class _PlaceOfFrame(Quantity):
         self._points = MovedPoints.of(mechanism, frames, points)
 
     def values(self, at: Samples) -> Array:
-        return self.region.values(self._places(self._q(at)), at.k)
-
-    def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
-        return np.arange(self.mechanism.nv)
+        return self.region.values(self._places(self.q(at)), at.k)
 
     def jacobian(self, at: Samples) -> Array:
-        q = self._q(at)
+        q = self.q(at)
         return self.region.gradient(self._places(q), at.k) @ self._velocities(q)
 
     def curvature(self, at: Samples, y: Array) -> Array:
-        q = self._q(at)
+        q = self.q(at)
         p = self._places(q)
         pull = (y[:, None, :] @ self.region.gradient(p, at.k))[:, 0]
         H = self._points.bent(q, np.stack([pull] if self.origin is None else [pull, -pull], axis=1))
@@ -85,9 +80,6 @@ class _PlaceOfFrame(Quantity):
         one, another = self.region.shape(k), other.region.shape(k)
         return None if one is None or another is None else np.broadcast_to(apart(one, another), k.shape)
 
-    def _q(self, at: Samples) -> Array:
-        return np.ascontiguousarray(at.x[:, : self.mechanism.nq])
-
     def _places(self, q: Array) -> Array:
         return _way(self._points.places(q))
 
@@ -100,16 +92,17 @@ def _way(of_points: Array) -> Array:
     return of_points[:, 0] if of_points.shape[1] == 1 else of_points[:, 0] - of_points[:, 1]
 
 
-class _PlacesOfFrames(Quantity):
+class _PlacesOfFrames(OfConfiguration):
     """How far points of frames are inside of balls, or outside: of many balls at once.
 
     ``points``: frame and point in its axes (3,) of each ball, of which several may be of the same one.
     """
 
-    of_state = says_all = True
+    says_all = True
 
     def __init__(self, mechanism: Mechanism, points: Sequence[tuple[str, Array]], balls: Balls) -> None:
-        self.mechanism, self.balls, self.names = mechanism, balls, balls.names
+        super().__init__(mechanism)
+        self.balls, self.names = balls, balls.names
         keys = [(frame, *point.tolist()) for frame, point in points]
         distinct = list(dict.fromkeys(keys))
         self._of = [distinct.index(key) for key in keys]
@@ -117,38 +110,20 @@ class _PlacesOfFrames(Quantity):
         self._owned = np.eye(len(distinct))[self._of]
 
     def values(self, at: Samples) -> Array:
-        return self.balls.values(self._places(self._q(at)), at.k)
-
-    def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
-        return np.arange(self.mechanism.nv)
+        return self.balls.values(self._places(self.q(at)), at.k)
 
     def jacobian(self, at: Samples) -> Array:
-        q = self._q(at)
+        q = self.q(at)
         return self._points.slopes(q, self._of, self.balls.gradient(self._places(q), at.k))
 
     def curvature(self, at: Samples, y: Array) -> Array:
-        q = self._q(at)
+        q = self.q(at)
         pulls = y[:, :, None] * self.balls.gradient(self._places(q), at.k)
         force = np.ascontiguousarray((pulls.transpose(0, 2, 1) @ self._owned).transpose(0, 2, 1))
         return self._points.bent(q, force, (y * self.balls.bend) @ self._owned)
 
-    def _q(self, at: Samples) -> Array:
-        return np.ascontiguousarray(at.x[:, : self.mechanism.nq])
-
     def _places(self, q: Array) -> Array:
         return self._points.places(q)[:, self._of]
-
-
-def places_alike(one: Mechanism, other: Mechanism) -> bool:
-    """Return whether the frames of a mechanism are where they are with other parameters."""
-    if one.tree is other.tree:
-        return True
-    joints = zip(one.tree.joints, other.tree.joints, strict=True)
-    for a, b in joints:
-        if a.coordinate != b.coordinate or not (np.array_equal(a.pose, b.pose) and np.array_equal(a.twist, b.twist)):
-            return False
-    frames = zip(one.tree.frames, other.tree.frames, strict=True)
-    return all(np.array_equal(a.pose, b.pose) for a, b in frames)
 
 
 @public
@@ -181,32 +156,24 @@ class Keep(Limit):
 
     def __post_init__(self) -> None:
         if (self.inside is None) == (self.outside is None):
-            raise ArgumentError(f"Keep({self.frame!r}): expected a region, either as inside= or as outside=")
+            raise ArgumentError(f"{self}: expected a region, either as inside= or as outside=")
         region = self.inside if self.outside is None else self.outside
         if not isinstance(region, Region):
-            raise ArgumentError(
-                f"Keep({self.frame!r}): got {type(region).__name__}, expected a Ball, a Box or a HalfSpace"
-            )
+            raise ArgumentError(f"{self}: got {type(region).__name__}, expected a Ball, a Box or a HalfSpace")
         if self.outside is not None and len(self.outside.names) > 1:
             raise ArgumentError(
-                f"Keep({self.frame!r}): the outside of a {type(self.outside).__name__} has edges, which no smooth "
+                f"{self}: the outside of a {type(self.outside).__name__} has edges, which no smooth "
                 "limit describes. Take a Ball around it, or a HalfSpace"
             )
-        as_array(self.point, f"Keep({self.frame!r}): point", (3,))
+        as_array(self.point, f"{self}: point", (3,))
         own_arrays(self, "point")
+
+    def __str__(self) -> str:
+        return f"Keep({self.frame!r})"
 
     def rows(self, system: Horizon, first: int) -> list[Rows]:
         """Return the rows for a `MidpointSystem`, or for the points of a `MechanismSystem`'s horizon."""
-        if isinstance(system, MidpointSystem):
-            mechanism, t = system.mechanism, system.t
-        elif isinstance(system, Points) and isinstance(system.system, MechanismSystem):
-            mechanism, t = system.system.mechanism, system.t
-        else:
-            got = system.system if isinstance(system, Points) else system
-            raise ArgumentError(
-                f"Keep({self.frame!r}): got a {type(got).__name__}, expected a MidpointSystem or a MechanismSystem: "
-                "their frames have names"
-            )
+        mechanism, t = frames_of(system, self)
         region = Outside(self.outside) if self.outside is not None else self.inside
         assert region is not None
         return Within(_PlaceOfFrame(mechanism, t, self, region), at=self.at).rows(system, first)

@@ -97,12 +97,34 @@ class MissingTurn:
 def quaternions_of(given: Orientation, what: str, t: Array) -> Array:
     """Return the unit quaternions (1, 4) or (n, 4) of an orientation that is wanted at times t (n,).
 
+    <<<<<<< HEAD
+    ``given``: matrices or quaternions, one, or where there are several times one for each; or a function of the time.
+
+    Raises
+    ------
+    ArgumentError
+        What is no rotation.
+    =======
     Raises `ArgumentError`: what is no rotation.
+    >>>>>>> main
     """
+    one, means = ((3, 3), (4,)), "a matrix or a unit quaternion, scalar first"
     if callable(given):
-        value = np.array([as_array(given(float(time)), f"{what} at t = {time:g} s", (3, 3)) for time in t])
+        value = np.array([
+            as_array(given(float(time)), f"{what} at t = {time:g} s", *one, meaning=means) for time in t
+        ])  # fmt: skip
     else:
-        value = as_array(given, what, (3, 3), (len(t), 3, 3), meaning="(3, 3), or one for each instant")
+        each = [(len(t), *shape) for shape in one] if len(t) > 1 else []
+        value = as_array(given, what, *one, *each, meaning=f"{means}" + ", or one for each instant" * bool(each))
+    if value.shape[-1] == 4:
+        q = value.reshape(-1, 4)
+        length = np.linalg.norm(q, axis=1, keepdims=True)
+        worst = float(length.flat[int(np.argmax(np.abs(length - 1.0)))])
+        if abs(worst - 1.0) > _OFF:
+            raise ArgumentError(
+                f"{what}: got a quaternion of length {worst:.6g}, expected 1: a rotation's, scalar first"
+            )
+        return read_only(q / length)
     R = value.reshape(-1, 3, 3)
     off = np.abs(np.swapaxes(R, 1, 2) @ R - np.eye(3)).max(initial=0.0)
     if off > _OFF or (np.linalg.det(R) < 0.0).any():

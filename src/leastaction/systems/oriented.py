@@ -3,47 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
-from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_number
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.public import public
-from leastaction.optimal.collocation.limits import Points
 from leastaction.optimal.cost import owned
 from leastaction.optimal.limits.limit import Equal, Horizon, Limit, When, Within
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.quantity import Instants, Quantity, Samples
-from leastaction.systems.continuous import MechanismSystem
-from leastaction.systems.keep import places_alike
-from leastaction.systems.midpoint import MidpointSystem
+from leastaction.optimal.quantity import Quantity, Samples
+from leastaction.systems.frames import OfConfiguration, frames_of, places_alike
 from leastaction.systems.orientations import MissingTurn, Orientation, TurnedFrame, quaternions_of
 
 
-def frames_of(system: Horizon, limit: Limit) -> tuple[Mechanism, Array]:
-    """Return the mechanism of a system whose frames have names, and the times of its instants."""
-    given: Any = system.system if isinstance(system, Points) else system
-    if not isinstance(given, MidpointSystem | MechanismSystem):
-        raise ArgumentError(
-            f"{limit}: got a {type(given).__name__}, expected a MidpointSystem or a MechanismSystem: their frames "
-            "have names"
-        )
-    t: Array = getattr(system, "t")  # noqa: B009 - both have times
-    return given.mechanism, t
-
-
-class TurnOfFrame(Quantity):
+class TurnOfFrame(OfConfiguration):
     """The rotation that is missing, about the frame's axes; or how far its angle is within a largest one (rad)."""
 
-    of_state = True
-
     def __init__(self, mechanism: Mechanism, t: Array, limit: Oriented) -> None:
+        super().__init__(mechanism)
         self.limit, self.within = limit, limit.within
         wanted = quaternions_of(limit.rotation, f"{limit}: rotation", t)
-        self.mechanism, self.turn = mechanism, MissingTurn(TurnedFrame(mechanism, limit.frame, limit.origin), wanted)
+        self.turn = MissingTurn(TurnedFrame(mechanism, limit.frame, limit.origin), wanted)
         self.says_all, self.unit = self.within is not None, "rad"
         self.names = (
             (f"{limit.frame} within {self.within:.4g} rad of its orientation",)
@@ -51,24 +33,21 @@ class TurnOfFrame(Quantity):
             else tuple(f"{limit.frame} about its {axis}" for axis in "xyz")
         )
 
-    def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
-        return np.arange(self.mechanism.nv)
-
     def values(self, at: Samples) -> Array:
-        e = self.turn.values(self._q(at), at.k)
+        e = self.turn.values(self.q(at), at.k)
         if self.within is None:
             return e
         # Smooth where nothing is missing, and in radians near the border.
         return np.asarray(0.5 * (self.within - np.sum(e * e, axis=1, keepdims=True) / self.within))
 
     def jacobian(self, at: Samples) -> Array:
-        q = self._q(at)
+        q = self.q(at)
         e = self.turn.values(q, at.k)
         J = self.turn.jacobian(q, e)
         return J if self.within is None else -(e[:, None] @ J) / self.within
 
     def curvature(self, at: Samples, y: Array) -> Array:
-        q = self._q(at)
+        q = self.q(at)
         e = self.turn.values(q, at.k)
         if self.within is None:
             return self.turn.bent(q, e, y)
@@ -79,9 +58,6 @@ class TurnOfFrame(Quantity):
         if not isinstance(other, TurnOfFrame) or self.limit is not other.limit:
             return False
         return np.array_equal(self.turn.wanted, other.turn.wanted) and places_alike(self.mechanism, other.mechanism)
-
-    def _q(self, at: Samples) -> Array:
-        return np.ascontiguousarray(at.x[:, : self.mechanism.nq])
 
 
 @public
@@ -94,8 +70,9 @@ class Oriented(Limit):
     Parameters
     ----------
     frame : str
-    rotation : array_like (3, 3) or (N+1, 3, 3), or callable
-        The rotation that is wanted: its columns are the frame's axes in the world. Or a function of the time (s).
+    rotation : array_like (3, 3), (4,), (N+1, 3, 3) or (N+1, 4), or callable
+        The rotation that is wanted: a matrix whose columns are the frame's axes in the world, or a unit quaternion,
+        scalar first. Or a function of the time (s).
     within : float, optional
         The largest angle (rad) by which it may be missed, below half a turn. If left out, it is met: three equations.
     at : str, int, float or sequence, optional

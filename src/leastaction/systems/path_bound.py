@@ -15,35 +15,32 @@ from leastaction.numerics.arrays import Array, as_number
 from leastaction.numerics.public import public
 from leastaction.optimal.limits.limit import Horizon, Limit, Value, When, Within
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.quantity import Instants, Quantity, Samples
-from leastaction.systems.keep import places_alike
-from leastaction.systems.oriented import frames_of
+from leastaction.optimal.quantity import Quantity, Samples
+from leastaction.systems.frames import OfConfiguration, frames_of, places_alike
 
 PathOrSum = Sequence[str] | Mapping[tuple[str, ...], float]
 
 
-class LengthOfPaths(Quantity):
+class LengthOfPaths(OfConfiguration):
     """A weighted sum of the lengths of paths, as one function of the configuration."""
 
-    of_state, kind, unit = True, "length of", "m"
+    kind, unit = "length of", "m"
 
     def __init__(self, mechanism: Mechanism, limit: PathBound) -> None:
-        self.mechanism, self.limit, self.names = mechanism, limit, (limit.names,)
+        super().__init__(mechanism)
+        self.limit, self.names = limit, (limit.names,)
         self.parts = [(factor, TapeMeasure(mechanism, path)) for path, factor in limit.terms.items()]
 
-    def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
-        return np.arange(self.mechanism.nv)
-
     def values(self, at: Samples) -> Array:
-        q = self._q(at)
+        q = self.q(at)
         return np.asarray(sum(factor * tape.length(q) for factor, tape in self.parts))[:, None]
 
     def jacobian(self, at: Samples) -> Array:
-        q = self._q(at)
+        q = self.q(at)
         return np.asarray(sum(factor * tape.gradient(q) for factor, tape in self.parts))[:, None]
 
     def curvature(self, at: Samples, y: Array) -> Array:
-        q = self._q(at)
+        q = self.q(at)
         return np.asarray(y[:, :, None] * sum(factor * tape.hessian(q) for factor, tape in self.parts))
 
     def own_is_like(self, other: Quantity) -> bool:
@@ -52,9 +49,6 @@ class LengthOfPaths(Quantity):
             and self.limit is other.limit
             and places_alike(self.mechanism, other.mechanism)
         )
-
-    def _q(self, at: Samples) -> Array:
-        return np.ascontiguousarray(at.x[:, : self.mechanism.nq])
 
 
 @public

@@ -14,23 +14,22 @@ from leastaction.numerics.frozen import own_arrays, restore_state, saved_state
 from leastaction.numerics.public import public
 from leastaction.optimal.limits.limit import Horizon, Limit, When, Within
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.quantity import Instants, Quantity, Samples
-from leastaction.systems.keep import places_alike
+from leastaction.optimal.quantity import Quantity, Samples
+from leastaction.systems.frames import OfConfiguration, frames_of, places_alike
 from leastaction.systems.orientations import TurnedFrame
-from leastaction.systems.oriented import frames_of
 
 
-class AngleToDirection(Quantity):
+class AngleToDirection(OfConfiguration):
     """By how much the angle between an axis of a frame and a direction is within, or beyond, what is said (rad).
 
     That is exact near the border, and smooth at every angle: it is the angle's cosine that is compared.
     """
 
-    of_state = says_all = True
-    unit = "rad"
+    says_all, unit = True, "rad"
 
     def __init__(self, mechanism: Mechanism, limit: Pointing) -> None:
-        self.mechanism, self.limit = mechanism, limit
+        super().__init__(mechanism)
+        self.limit = limit
         self.turned = TurnedFrame(mechanism, limit.frame, limit.origin)
         self._axis, self._towards = (_unit(each) for each in (limit.axis, limit.towards))
         angle = limit.within if limit.beyond is None else limit.beyond
@@ -41,21 +40,18 @@ class AngleToDirection(Quantity):
         where = "" if limit.origin is None else f" of {limit.origin}"
         self.names = (f"{limit.frame} {how} {angle:.4g} rad of a direction{where}",)
 
-    def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
-        return np.arange(self.mechanism.nv)
-
     def values(self, at: Samples) -> Array:
-        axis, towards = self._directions(self._q(at))
+        axis, towards = self._directions(self.q(at))
         return np.asarray(self._scale * (np.sum(axis * towards, axis=1, keepdims=True) - self._cosine))
 
     def jacobian(self, at: Samples) -> Array:
-        q = self._q(at)
+        q = self.q(at)
         axis, towards = self._directions(q)
         own, *other = self.turned.turns(q)
         return np.asarray(self._scale * (np.cross(axis, towards)[:, None] @ (own - other[0] if other else own)))
 
     def curvature(self, at: Samples, y: Array) -> Array:
-        q = self._q(at)
+        q = self.q(at)
         axis, towards = (each[:, None] for each in self._directions(q))
         # The cosine turns with n . (w - w'), n = axis x towards: both are carried along, by w and w'.
         own, *other = (each.transpose(0, 2, 1) for each in self.turned.turns(q))
@@ -77,9 +73,6 @@ class AngleToDirection(Quantity):
         R, *origin = self.turned.rotations(q)
         axis = R @ self._axis
         return axis, origin[0] @ self._towards if origin else np.broadcast_to(self._towards, axis.shape)
-
-    def _q(self, at: Samples) -> Array:
-        return np.ascontiguousarray(at.x[:, : self.mechanism.nq])
 
 
 @public

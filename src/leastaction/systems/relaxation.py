@@ -14,6 +14,7 @@ from leastaction.mechanics.elements.base import Constraint
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics.arrays import Array, as_number, require_instance
 from leastaction.numerics.public import public
+from leastaction.optimal.cost import diagonal_of, widened
 from leastaction.optimal.discrete.cost import Cost, QuadraticCost
 from leastaction.optimal.discrete.system import given_start
 from leastaction.optimal.limits.limit import Bound
@@ -226,7 +227,7 @@ def by_tensions(
         cost.x_wanted[:, states],
         np.insert(cost.u_wanted[:, inputs], [free] * len(late), 0.0, axis=1),
         Q=_part(cost.Q, moves),
-        R=_widened(_part(cost.R, inputs), free, np.full(len(late), weight)),
+        R=_with_more(_part(cost.R, inputs), free, np.full(len(late), weight)),
         Q_final=_part(cost.Q_final, moves),
         space=pulled,
     )
@@ -345,22 +346,11 @@ def _at_rest(m: Mechanism, late: Sequence[str], q: Array, least: float | None) -
 
 def _part(weight: Array, places: Sequence[int]) -> Array:
     """Return the weight of some entries."""
-    if weight.ndim == 1:
-        return weight[places]
-    if weight.ndim == 3 and weight.shape[2] == 1:
-        return weight[:, places]
-    return weight[..., places, :][..., places]
+    return widened(weight, lambda rows: np.ascontiguousarray(rows[..., places]))
 
 
-def _widened(weight: Array, at: int, more: Array) -> Array:
+def _with_more(weight: Array, at: int, more: Array) -> Array:
     """Return a weight with further entries of their own weights at a place."""
-    if weight.ndim == 1:
-        return np.insert(weight, at, more)
-    if weight.ndim == 3 and weight.shape[2] == 1:
-        return np.insert(weight, [at] * len(more), more[:, None], axis=1)
-    n = weight.shape[-1] + len(more)
-    places = np.delete(np.arange(n), np.arange(at, at + len(more)))
-    result = np.zeros((*weight.shape[:-2], n, n))
-    result[..., places[:, None], places] = weight
-    result[..., np.arange(at, at + len(more)), np.arange(at, at + len(more))] = more
+    result = widened(weight, lambda rows: np.insert(rows, [at] * len(more), 0.0, axis=-1))
+    diagonal_of(result)[..., at : at + len(more)] = more
     return result

@@ -61,7 +61,8 @@ def plot_feedback(
     continuous = isinstance(result, ContinuousOptimizationResult)
     values = _eigenvalues(result, known)
     t = result.t[: len(values)]
-    lines = len(result.input_names) <= _INPUTS and len(result.state_names) <= _LINES
+    states = _states(result, known)
+    lines = len(result.input_names) <= _INPUTS and len(states) <= _LINES
     inputs = len(result.input_names) if lines else 1
     heights = [*([1.5] * inputs if lines else [2.6]), 2.8]
     figure = new_figure(WIDTH, 0.4 + sum(heights) + 0.5 * len(heights))
@@ -69,9 +70,9 @@ def plot_feedback(
     above, below = parts
     if lines:
         for axes, i in zip(np.ravel(above.subplots(inputs, 1, sharex=True)), range(inputs), strict=True):
-            _gain_lines(axes, result, t, i)
+            _gain_lines(axes, result, t, i, states)
     else:
-        _gain_picture(above.subplots(), figure, result)
+        _gain_picture(above.subplots(), figure, result, list(states))
     plane, over_time = below.subplots(1, 2)
     _plane(plane, figure, t, values, continuous=continuous)
     _largest(over_time, t, values, continuous=continuous)
@@ -91,9 +92,21 @@ def _eigenvalues(result: OptimizationResult, system: object) -> Array:
     return np.asarray(np.linalg.eigvals(np.asarray(A) - np.asarray(B) @ result.K[: len(A)]))
 
 
-def _gain_lines(axes: Axes, result: OptimizationResult, t: Array, i: int) -> None:
+def _states(result: OptimizationResult, system: Any) -> dict[str, str]:
+    """Return what the gains answer to, with its unit: of rotations that are quaternions the turns about their axes."""
+    known = dict(zip(result.state_names, result.state_units, strict=True))
+    count = result.K.shape[-1]
+    if count == len(known):
+        return known
+    m = getattr(system, "mechanism", None)
+    if m is None:
+        return dict.fromkeys((f"dx[{i}]" for i in range(count)), "")
+    return {**{name: m.units[name] for name in m.variables}, **dict(list(known.items())[m.nq :])}
+
+
+def _gain_lines(axes: Axes, result: OptimizationResult, t: Array, i: int, states: dict[str, str]) -> None:
     unit = result.input_units[i]
-    for j, (name, other) in enumerate(zip(result.state_names, result.state_units, strict=True)):
+    for j, (name, other) in enumerate(states.items()):
         by = pretty(f"{unit or '1'} / {f'({other})' if ' ' in other or '/' in other else other}") if other else ""
         look = LINES[j % len(LINES)]
         axes.plot(t, result.K[: len(t), i, j], label=f"{name} ({by})" if by else name, linewidth=1.3, **look)
@@ -104,7 +117,7 @@ def _gain_lines(axes: Axes, result: OptimizationResult, t: Array, i: int) -> Non
     legend_above(axes, handlelength=2.0, columnspacing=1.0)
 
 
-def _gain_picture(axes: Axes, figure: Figure, result: OptimizationResult) -> None:
+def _gain_picture(axes: Axes, figure: Figure, result: OptimizationResult, states: list[str]) -> None:
     from matplotlib.colors import LogNorm
 
     largest = np.abs(result.K).max(axis=0)
@@ -113,7 +126,7 @@ def _gain_picture(axes: Axes, figure: Figure, result: OptimizationResult) -> Non
         np.maximum(largest, 1e-4 * top), aspect="auto", cmap="cividis", norm=LogNorm(1e-4 * top, top), origin="upper"
     )
     axes.grid(visible=False)
-    for ticks, names in ((axes.xaxis, result.state_names), (axes.yaxis, result.input_names)):
+    for ticks, names in ((axes.xaxis, states), (axes.yaxis, result.input_names)):
         shown = np.unique(np.linspace(0, len(names) - 1, min(len(names), 16)).astype(int))
         ticks.set_ticks(shown, [names[k] for k in shown])
     axes.tick_params(axis="x", labelrotation=60, labelsize=7)

@@ -158,8 +158,9 @@ def _draw(
                 same = replace(known[signal.key], unit=signal.unit)
                 # Above the first: dashes leave a line below them to be seen, a line leaves no dashes.
                 draw_line(panel.axes, same, linewidth=1.2, zorder=3.2, **another)
+    at_least(panel.axes, panel.least)
+    for signal in panel.signals:
         factor = drawn_unit(signal.unit)[0]
-        at_least(panel.axes, panel.least)
         lines = bounds.get(signal.key, [])
         for bound in lines:
             draw_bound(panel.axes, bound, factor)

@@ -88,7 +88,7 @@ def pretty(unit: str) -> str:
 
 def axis_label(unit: str, otherwise: str = "") -> str:
     """Return what an axis says: what is measured, and its unit; or something else where there is none."""
-    shown = drawn_unit(unit)[1]
+    shown = drawn_unit(unit)[1] if unit != "1" else ""
     return f"{_MEASURES.get(unit, otherwise)} ({shown})".strip() if shown else otherwise
 
 

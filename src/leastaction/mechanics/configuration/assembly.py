@@ -184,7 +184,7 @@ def project_configuration(
     q : array_like, shape (nq,)
         The wanted configuration.
     hold : sequence of str, optional
-        Variables that must not move.
+        Variables that must not move; a joint whose rotation is a quaternion by its name.
     move_kinematic : bool, optional
         Let the kinematic variables move too; they are held by default.
     weights : mapping of str to float, or array_like of shape (nv,), optional

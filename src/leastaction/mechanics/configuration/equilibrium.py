@@ -134,7 +134,7 @@ def equilibrium(
     q_guess : array_like, shape (nq,)
         Where to start; need not satisfy the constraints.
     hold : sequence of str, optional
-        Dynamic variables that must not move.
+        Dynamic variables that must not move; a joint whose rotation is a quaternion by its name.
     inputs : array_like, shape (n_inputs,), optional
         Inputs, constant; zero if not given.
     kind : {"minimum", "any"}, optional

@@ -46,10 +46,11 @@ def row_scales(jacobian: Array) -> Array:
 def free_variables(mechanism: Mechanism, hold: Sequence[str], move_kinematic: bool = False) -> Indices:
     """Return the indices in q of the variables that may move: the dynamic ones that are not held.
 
-    ``hold``: variables that must not move. ``move_kinematic``: let the kinematic variables move too. Raises
-    `ArgumentError` for an unknown name.
+    ``hold``: variables that must not move, or joints whose rotation is a quaternion. ``move_kinematic``: let the
+    kinematic variables move too. Raises `ArgumentError` for an unknown name.
     """
-    hold = as_names(hold, "hold", "variables")
+    turns = {rotation.name: rotation.variables for rotation in mechanism.tree.rotations}
+    hold = [each for name in as_names(hold, "hold", "variables") for each in turns.get(name, (name,))]
     as_flag(move_kinematic, "move_kinematic")
     for name in hold:
         if name not in mechanism.variables:

@@ -66,7 +66,8 @@ class Feedback:
         if np.shape(xbar) != x.shape or np.shape(gain) != (*np.shape(ubar), *x.shape) or np.ndim(ubar) != 1:
             raise ArgumentError(
                 f"Feedback: at t = {t:g} s K, xbar and ubar have the shapes {np.shape(gain)}, {np.shape(xbar)} and "
-                f"{np.shape(ubar)}, expected (n, nx), (nx,) and (n,) with a state of shape {x.shape}"
+                f"{np.shape(ubar)}, expected (n, nx), (nx,) and (n,) with a state of shape {x.shape}; gains "
+                "of turns, where rotations are quaternions, need lambda t, x: ubar - K @ system.difference(x, xbar)"
             )
         value: Array = ubar - gain @ (x - xbar)
         return value

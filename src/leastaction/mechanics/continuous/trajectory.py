@@ -15,6 +15,7 @@ from leastaction.mechanics.continuous.events import EventRecord
 from leastaction.mechanics.continuous.integration import SolverCounts
 from leastaction.mechanics.continuous.monitoring import EnergyBalance
 from leastaction.mechanics.continuous.stabilisation import Drift
+from leastaction.mechanics.mechanism.arguments import of_unit_length
 from leastaction.mechanics.mechanism.queries.masses import Energy
 from leastaction.mechanics.mechanism.queries.units import multiplier_units, state_units
 from leastaction.mechanics.mechanism.reactions import reactions
@@ -143,6 +144,8 @@ class ContinuousTrajectory(BaseTrajectory[ContinuousState]):
             raise ArgumentError("the trajectory has no dense output; simulate with dense_output=True")
         single, times = self._times(t)
         rows = np.array([self.dense(float(at)) for at in times]).reshape(len(times), self.q.shape[1] + self.v.shape[1])
+        # Polynomials through the instants of an optimised motion leave the lengths of quaternions by their error.
+        rows[:, : self.mechanism.nq] = of_unit_length(self.mechanism, rows[:, : self.mechanism.nq])
         return rows[0] if single else rows
 
     def input(self, t: ArrayLike) -> Array:

@@ -3,10 +3,14 @@
 They are methods of `MidpointVI`, which is ``vi`` here.
 
 With ``q = (q1 + q2)/2`` and ``v = (q2 - q1)/dt``, all of them are functions of `Mechanism` of ``(q, v)``, which are
-linear in ``(q1, q2)``: the derivatives follow without a new formula.
+linear in ``(q1, q2)``: the derivatives follow without a new formula. Of a rotation that is a quaternion derivatives
+are by turns of either end in the body, and middle and angular velocity are those of
+`leastaction.mechanics.mechanism.queries.turn_charts`.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,14 +20,21 @@ from leastaction.mechanics.discrete.derivatives import check_trajectory
 from leastaction.mechanics.discrete.impulses import impulses_along
 from leastaction.mechanics.discrete.integrator import Integrator
 from leastaction.mechanics.discrete.trajectory import Trajectory
-from leastaction.mechanics.mechanism.arguments import angles_only
+from leastaction.mechanics.mechanism.arguments import single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.mechanics.mechanism.queries.function_derivatives import FunctionDerivatives, Substituted
-from leastaction.numerics.arrays import Array, as_array, as_time_step
+from leastaction.mechanics.mechanism.queries.composition import Composed, PushedBack, Turns
+from leastaction.mechanics.mechanism.queries.function_derivatives import Evaluate, FunctionDerivatives
+from leastaction.mechanics.mechanism.queries.functions import places_of_turns
+from leastaction.mechanics.mechanism.queries.turn_charts import PushedStep, TurnedStep
+from leastaction.mechanics.mechanism.turns import difference, moved_by
+from leastaction.numerics.arrays import Array, as_time_step
+from leastaction.numerics.rotations import exponential
 
 
 def discrete_lagrangian(vi: Integrator, q1: ArrayLike, q2: ArrayLike, dt: float) -> FunctionDerivatives:
     """Return ``Ld = dt L((q1 + q2)/2, (q2 - q1)/dt)`` (J s), by ``q1`` and ``q2``, to the fourth order.
+
+    Rotations that are quaternions go the shorter way, and derivatives are by turns of the ends in their bodies.
 
     Parameters
     ----------
@@ -42,9 +53,8 @@ def discrete_lagrangian(vi: Integrator, q1: ArrayLike, q2: ArrayLike, dt: float)
     ArgumentError
         For wrong shapes, values that are not finite, or a time step that is not positive.
     """
-    m, h = vi.mechanism, as_time_step(dt)
-    q, v = _midpoint(m, q1, q2, h)
-    return _on_a_step("Ld", m.lagrangian(q, v), _places_and_rates(m.nq, h), h, {"q1": m.nq, "q2": m.nq})
+    middle = _Middle.of(vi.mechanism, q1, q2, dt)
+    return middle.function("Ld", vi.mechanism.lagrangian(middle.q, middle.v))
 
 
 def discrete_potential(
@@ -59,11 +69,9 @@ def discrete_potential(
     element : str, optional
         As of `Mechanism.potential`.
     """
-    m, h = vi.mechanism, as_time_step(dt)
-    q, _ = _midpoint(m, q1, q2, h)
-    places = _places_and_rates(m.nq, h)[: m.nq]
-    of = m.potential(q, element)
-    return _on_a_step(f"dt {of.name}", of, places, h, {"q1": m.nq, "q2": m.nq})
+    middle = _Middle.of(vi.mechanism, q1, q2, dt)
+    of = vi.mechanism.potential(middle.q, element)
+    return middle.function(f"dt {of.name}", of)
 
 
 def discrete_force(
@@ -83,20 +91,11 @@ def discrete_force(
     Returns
     -------
     fd_minus, fd_plus : FunctionDerivatives
-        Impulses (N s or N m s) on all nq variables at the start and at the end of the step, as `split` shares them.
+        Impulses (N s or N m s) on all nv variables at the start and at the end of the step, as `split` shares them.
     """
-    m, h = vi.mechanism, as_time_step(dt)
-    q, v = _midpoint(m, q1, q2, h)
-    of = m.force(q, v, u, element)
-    n = 2 * m.nq
-    by = np.eye(n + m.n_inputs)
-    by[:n, :n] = _places_and_rates(m.nq, h)
-    arguments = {"q1": m.nq, "q2": m.nq, "u": m.n_inputs}
-    first, second = (
-        _on_a_step(f"fd{sign} of {of.name}", of, by, share * h, arguments)
-        for sign, share in zip("-+", vi.shares, strict=True)
-    )
-    return first, second
+    middle = _Middle.of(vi.mechanism, q1, q2, dt)
+    of = vi.mechanism.force(middle.q, middle.v, u, element)
+    return middle.force(of, vi.shares, 0), middle.force(of, vi.shares, 1)
 
 
 def driving_force(vi: Integrator, trajectory: Trajectory) -> Array:
@@ -149,20 +148,51 @@ def balance(vi: Integrator, trajectory: Trajectory) -> DiscreteBalance:
     return balance_of(run.t, vi.core.energies(run.t, run.x, run.u, run.lam))
 
 
-def _midpoint(m: Mechanism, q1: ArrayLike, q2: ArrayLike, dt: float) -> tuple[Array, Array]:
-    angles_only(m, "a function of the ends of a step")
-    start, end = (as_array(q, what, (m.nq,), names=m.variables) for q, what in ((q1, "q1"), (q2, "q2")))
-    return (start + end) / 2.0, (end - start) / dt
+@dataclass(frozen=True)
+class _Middle:
+    """The middle of a step of a length dt (s): q and v there, [q; v] by [q1; q2], and what of it turns say."""
 
+    q: Array
+    v: Array
+    dt: float
+    by: Array
+    turns: Turns | None
 
-def _places_and_rates(n: int, dt: float) -> Array:
-    """Return [q; v] by [q1; q2]."""
-    one = np.eye(n)
-    return np.block([[one / 2.0, one / 2.0], [-one / dt, one / dt]])
+    @classmethod
+    def of(cls, m: Mechanism, q1: ArrayLike, q2: ArrayLike, dt: float) -> _Middle:
+        start, end, h = single(m, q1, "q1"), single(m, q2, "q2"), as_time_step(dt)
+        one = np.eye(m.nv)
+        by = np.block([[one / 2.0, one / 2.0], [-one / h, one / h]])
+        if not m.tree.rotations:
+            return cls((start + end) / 2.0, (end - start) / h, h, by, None)
+        turned, apart = places_of_turns(m), difference(m, end, start)
+        places = np.hstack([turned, m.nv + turned])
+        by[places.ravel()] = 0.0
+        turns = Turns(TurnedStep(exponential(apart[turned]), h), places, places, np.zeros(places.shape))
+        return cls(moved_by(m, start, apart / 2.0), apart / h, h, by, turns)
 
+    def composed(self, of: FunctionDerivatives, factor: float) -> Composed:
+        """Return a function of [q; v; u], or of q alone, as one of [q1; q2; u]."""
+        more = of.size - len(self.by)
+        by = np.pad(self.by, ((0, max(more, 0)), (0, max(more, 0))))[: of.size]
+        by[len(self.by) :, len(self.by) :] = np.eye(max(more, 0))
+        turns = self.turns if self.turns is None or more >= 0 else replace(self.turns, z=self.turns.z[:, :3])
+        return Composed(of.evaluate, by, factor, turns)
 
-def _on_a_step(
-    name: str, of: FunctionDerivatives, by: Array, factor: float, arguments: dict[str, int]
-) -> FunctionDerivatives:
-    evaluate = Substituted(of.evaluate, by, factor)
-    return FunctionDerivatives.of(name, arguments, evaluate, rows=of.rows, highest_order=of.highest_order)
+    def function(self, name: str, of: FunctionDerivatives) -> FunctionDerivatives:
+        """Return ``dt of`` by [q1; q2]."""
+        n = len(self.v)
+        evaluate = self.composed(of, self.dt)
+        return FunctionDerivatives.of(name, {"q1": n, "q2": n}, evaluate, highest_order=of.highest_order)
+
+    def force(self, of: FunctionDerivatives, shares: tuple[float, float], side: int) -> FunctionDerivatives:
+        """Return what of forces acts at one end, by [q1; q2; u]."""
+        n, factor = len(self.v), shares[side] * self.dt
+        evaluate: Evaluate = self.composed(of, factor)
+        if self.turns is not None:
+            assert isinstance(self.turns.function, TurnedStep)
+            pushes = PushedStep(self.turns.function, shares, side)
+            evaluate = PushedBack(self.composed(of, 1.0), self.turns, pushes, self.turns.y[:, :3], factor)
+        arguments = {"q1": n, "q2": n, "u": of.size - 2 * n}
+        name = f"fd{'-+'[side]} of {of.name}"
+        return FunctionDerivatives.of(name, arguments, evaluate, rows=of.rows, highest_order=of.highest_order)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction import _core
-from leastaction.errors import NOT_YET, ArgumentError, unknown
+from leastaction.errors import ArgumentError, unknown
 from leastaction.mechanics.description.tree import BallRotation, Tree
 from leastaction.mechanics.elements import Element, Parts
 from leastaction.numerics.arrays import Array, Row, as_array, row_by_name, shape_of
@@ -54,9 +55,15 @@ def check_same_names(theirs: Compiled, ours: Compiled, what: str, advice: str = 
         raise ArgumentError(f"{what}: it is of {theirs!r} with other names, expected one of {ours!r}{advice}")
 
 
-def configuration_by_name(m: Compiled, values: Mapping[str, float], what: str = "q", rest: float = 0.0) -> Array:
+def configuration_by_name(m: Compiled, values: Mapping[str, ArrayLike], what: str = "q", rest: float = 0.0) -> Array:
     """Return a configuration (nq,) from values by name, with quaternions of no rotation where they are not given."""
-    return configuration_on(m, row_by_name(values, what, m.coordinates, rest, unturned(m)), what)
+    plain: dict[str, Any] = dict(values)
+    for rotation in m.tree.rotations:
+        if rotation.name in plain:
+            told = f"{what}: the value of {rotation.name!r}"
+            four = as_array(plain.pop(rotation.name), told, (4,), meaning="a unit quaternion, scalar first")
+            plain.update(zip(rotation.quaternion, four, strict=True))
+    return configuration_on(m, row_by_name(plain, what, m.coordinates, rest, unturned(m)), what)
 
 
 def unturned(m: Compiled) -> dict[str, float]:
@@ -108,15 +115,6 @@ def of_unit_length(m: Compiled, q: Array) -> Array:
         first = m.coordinates.index(rotation.quaternion[0])
         out[:, first : first + 4] /= np.linalg.norm(out[:, first : first + 4], axis=1, keepdims=True)
     return out
-
-
-def angles_only(m: Compiled, what: str) -> None:
-    """Raise where a rotation is a quaternion, for what is not done, or has no meaning, without angles."""
-    if m.tree.rotations:
-        raise ArgumentError(
-            f"{what}: not yet for a mechanism in which a rotation is a quaternion, as that of "
-            f"{m.tree.rotations[0].name!r}; give the joint angles, axes='xyz'; {NOT_YET}"
-        )
 
 
 def inputs_of(m: Compiled, inputs: ArrayLike | None, what: str = "inputs") -> Array:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from leastaction import _core
 from leastaction.errors import unknown
@@ -167,13 +168,14 @@ class Mechanism(Compiled):
         """The ball joints, those of free joints too, whose singularity is watched."""
         return self.tree.balls
 
-    def configuration(self, values: Mapping[str, float] | None = None, *, default: float = 0.0) -> Array:
+    def configuration(self, values: Mapping[str, ArrayLike] | None = None, *, default: float = 0.0) -> Array:
         """Return a configuration from values by name; without quaternions a velocity is made in the same way.
 
         Parameters
         ----------
-        values : mapping of str to float, optional
-            Value of some coordinates (m or rad). The four numbers of a quaternion go together: scalar first.
+        values : mapping of str to float or array_like (4,), optional
+            Value of some coordinates (m or rad). The four numbers of a quaternion go together, scalar first:
+            ``{"hull": [0.8, 0.6, 0.0, 0.0]}`` by the name of its joint.
         default : float, optional
             Value of the others, but for quaternions: those are of no rotation, 1, 0, 0, 0.
 
@@ -576,7 +578,7 @@ class Mechanism(Compiled):
         return html_view(self._plan)
 
 
-def _given(values: Mapping[str, float] | None) -> Mapping[str, float]:
+def _given(values: Mapping[str, ArrayLike] | None) -> Mapping[str, Any]:
     """Return values by name, none where there are none."""
     given = {} if values is None else values
     require_mapping(given, "values", "{'pole': 1.0}")

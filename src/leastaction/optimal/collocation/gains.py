@@ -33,6 +33,8 @@ _CLOSE = 1e-6  # error of a gain, in parts of what it is in the piece
 _IN_ROW = 1e-3  # part of the largest gain of an input below which others are small
 _SHORTEST = 1e-12  # shortest piece, in parts of the horizon
 _MOST = 1000  # pieces beside those of the model: what oscillates faster than they tell is left as it is
+_GAINED = 6.0  # binary digits that an error loses with each halving, by the order of the steps
+_DEEPEST = 8  # halvings of the end of a piece in one go
 _AT_ONCE = 32  # pieces: what is behind them has to be known to tell whether they are too long
 _ABSCISSAE = 2.0 * Mesh(np.array([0.0, 1.0])).t - 1.0
 
@@ -97,7 +99,7 @@ class _Backwards:
             if escaped is None:
                 K, there, parts = self._laws(pieces, known)
                 parts[~may_halve] = 1
-                first = int(np.flatnonzero(parts > 1)[-1]) + 1 if (parts > 1).any() else 0  # of those that change no more
+                first = int(np.max(np.flatnonzero(parts > 1) + 1, initial=0))  # of those that change no more
                 if not there[first:].all():
                     return None
                 found.append((pieces.begin[first:], K[first:]))
@@ -107,13 +109,25 @@ class _Backwards:
             else:
                 return None
             made += len(pieces.end) - first
-            coarse = np.flatnonzero(parts > 1)
-            shares = [np.append(1.0 - 0.5 ** np.arange(count), 1.0) for count in parts[coarse]]
-            breaks = [pieces.begin[i] + share * (pieces.end[i] - pieces.begin[i]) for i, share in zip(coarse, shares, strict=True)]
-            before = n - len(coarse)
-XX        begins, values = (np.concatenate(parts[::-1]) for parts in zip(*found, strict=True))
+            ahead = self._exchanged(ahead, n - len(parts), parts[:first])
+        begins, values = (np.concatenate(parts[::-1]) for parts in zip(*found, strict=True))
         values = np.concatenate([values, np.zeros((*values.shape[:2], self.nu))], axis=2)
         return Mesh(np.append(begins, self.mesh.breaks[-1])).fit(values, (values.shape[2],))
+
+    def _exchanged(self, ahead: _Pieces, start: int, parts: NDArray[np.intp]) -> _Pieces:
+        """Return the pieces before some, and of these from the start on, each in so many parts, the shorter the later."""
+        coarse = start + np.flatnonzero(parts > 1)
+        kept = ahead.some(np.append(np.arange(start), start + np.flatnonzero(parts == 1)))
+        if not len(coarse):
+            return kept
+        begins, ends = [], []
+        for i in coarse.tolist():
+            share = np.append(1.0 - 0.5 ** np.arange(parts[i - start]), 1.0)
+            breaks = ahead.begin[i] + share * (ahead.end[i] - ahead.begin[i])
+            breaks[-1] = ahead.end[i]
+            begins.append(breaks[:-1])
+            ends.append(breaks[1:])
+        return kept.beside(self._pieces(np.concatenate(begins), np.concatenate(ends)))
 
     def _costs_to_go(self, pieces: _Pieces, P: Array) -> tuple[Array, int | None]:
         """Return P (2n+1, nx, nx) at begins and middles of all pieces and at the end, and the piece that has none."""
@@ -127,27 +141,28 @@ XX        begins, values = (np.concatenate(parts[::-1]) for parts in zip(*found,
         assert done.P is not None
         return done.P, None if done.stage is None else done.stage // 2
 
-    def _laws(self, pieces: _Pieces, known: Array) -> tuple[Array, Flags, Flags]:
-        """Return the gains (n, 8, nu nx) at the points of pieces, where there are such, and which too long."""
+    def _laws(self, pieces: _Pieces, known: Array) -> tuple[Array, Flags, NDArray[np.intp]]:
+        """Return the gains (n, 8, nu nx) at the points of pieces, where there are such, and in how many parts they go."""
         begin, end = known[:-1:2], known[2::2]
         whole, good = self._steps(pieces, slice(POINTS + 1, POINTS + 2), end)
         size = np.sqrt(np.abs(np.diagonal(begin, axis1=1, axis2=2)))
         allowed = size[:, :, None] * size[:, None] + 1e-3 * np.abs(begin).max(axis=(1, 2), keepdims=True)
-        off = (np.abs(begin - whole[:, 0]) > _CLOSE * allowed).any(axis=(1, 2))
+        off = (np.abs(begin - whole[:, 0]) / (_CLOSE * allowed + 1e-300)).max(axis=(1, 2))
         P, there = self._steps(pieces, slice(POINTS), end)
         here = self._unpacked(pieces.here.reshape(-1, pieces.here.shape[2]))
         right = here.B.transpose(0, 2, 1) @ P.reshape(-1, self.nx, self.nx) + here.S.transpose(0, 2, 1)
         K: Array = np.linalg.solve(here.R, right).reshape(len(end), POINTS, -1)
-        return K, there, off | ~good | ~there | self._rough(K)
+        error = np.maximum(np.maximum(off, self._rough(K)), 1e-3)
+        halvings = np.clip(np.ceil(np.log2(error) / _GAINED), 0, _DEEPEST)
+        return K, there, 1 + np.where(good & there, halvings, 1).astype(np.intp)
 
-    def _rough(self, K: Array) -> Flags:
-        """Return in which pieces gains are no polynomials of the degree that these have."""
+    def _rough(self, K: Array) -> Array:
+        """Return what gains are off the polynomials of the degree that these have, in parts of what they may be."""
         coefficients = np.abs(Mesh(np.arange(len(K) + 1.0)).coefficients(K))
         size = coefficients.max(axis=1).reshape(-1, self.nu, self.nx)
         size = np.maximum(size, _IN_ROW * size.max(axis=2, keepdims=True)).reshape(len(K), -1)
         tail = np.maximum(coefficients[:, -1], 0.1 * coefficients[:, -2])
-        rough: Flags = (tail > _CLOSE * size + 1e-300).any(axis=1)
-        return rough
+        return np.asarray((tail / (_CLOSE * size + 1e-300)).max(axis=1))
 
     def _steps(self, pieces: _Pieces, which: slice, end: Array) -> tuple[Array, Flags]:
         """Return P (n, steps, nx, nx) where steps begin, by that at the ends of pieces, and which have a minimum."""

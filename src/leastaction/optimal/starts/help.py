@@ -8,7 +8,7 @@ import numpy.typing as npt
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_places, read_only, require_instance
 from leastaction.numerics.public import public
-from leastaction.optimal.cost import is_diagonal
+from leastaction.optimal.cost import diagonal_of, widened
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian
 
@@ -66,23 +66,15 @@ class HelpedCost(Cost):
 
     def hessian(self, x: Array, u: Array) -> CostHessian:
         Q, R_own, S_own, Q_final = self.cost.hessian(x, self._without(u))
-        n = u.shape[1]
-        own = self.own(n)
-        if is_diagonal(R_own):
-            R = np.empty((len(R_own), n, 1) if R_own.ndim == 3 else n)
-            if R_own.ndim == 3:
-                R[:, own], R[:, self.columns, 0] = R_own, self.price
-            else:
-                R[own], R[self.columns] = R_own, self.price
-        else:
-            R = np.zeros((*R_own.shape[:-2], n, n))
-            R[..., own[:, None], own] = R_own
-            R[..., self.columns, self.columns] = self.price
-        S = None
-        if S_own is not None:
-            S = np.zeros((*S_own.shape[:-1], n))
-            S[..., own] = S_own
-        return CostHessian(Q, R, S, Q_final)
+
+        def among_all(rows: Array) -> Array:
+            whole = np.zeros((*rows.shape[:-1], u.shape[1]))
+            whole[..., self.own(u.shape[1])] = rows
+            return whole
+
+        R = widened(R_own, among_all)
+        diagonal_of(R)[..., self.columns] = self.price
+        return CostHessian(Q, R, None if S_own is None else among_all(S_own), Q_final)
 
     def _without(self, u: Array) -> Array:
         return read_only(np.ascontiguousarray(u[:, self.own(u.shape[1])]))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from leastaction.numerics.arrays import Array, read_only
-from leastaction.optimal.cost import across, matrix_of, widened
+from leastaction.optimal.cost import across, diagonal_of, matrix_of, widened
 from leastaction.optimal.discrete.cost import Cost, CostGradient
 from leastaction.optimal.discrete.hessians import CostHessian
 from leastaction.optimal.unknowns.system import ExtendedSystem
@@ -64,8 +64,7 @@ class ExtendedCost(Cost):
     def _extended(self, own: CostHessian, weight: Array) -> CostHessian:
         Q, R, S, Q_final = own
         final = self.padded(Q_final)
-        diagonal = final if final.ndim == 1 else np.einsum("ii->i", final)
-        diagonal[self.changes] = weight
+        diagonal_of(final)[self.changes] = weight
         return CostHessian(self.padded(Q), R, None if S is None else across(S, self.moved), final)
 
     def moved(self, rows: Array) -> Array:

@@ -119,8 +119,7 @@ def _wanted(given: Any, row: Array, names: Sequence[str], m: Mechanism | None, w
         if name in firsts and callable(value):
             turns.append((firsts[name], told, value))
         elif name in firsts:
-            turn = as_array(value, told, (3, 3), meaning="one rotation, or a function of the time")
-            row[firsts[name] : firsts[name] + 4] = quaternions_of(turn, told, np.zeros(1))[0]
+            row[firsts[name] : firsts[name] + 4] = quaternions_of(value, told, np.zeros(1))[0]
         elif callable(value):
             entries.append((places_of(name, names, variables, first_rate, what), TimeFunction(value, told)))
         else:

@@ -147,7 +147,7 @@ class ContinuousOrientationCost(CostOfFrames):
     ----------
     system : MechanismSystem
         Whose frames are meant.
-    orientations : mapping of str to array_like (3, 3), or callable
+    orientations : mapping of str to array_like (3, 3) or (4,), or callable
         Rotations that are wanted of frames, by their names; or functions of the time (s).
     weights : mapping of str to float or array_like (3,)
         By the same names, in units of the cost by rad^2 and s: of turns about all axes of the frame, or about x, y, z.
@@ -170,8 +170,7 @@ class ContinuousOrientationCost(CostOfFrames):
         for name, each in orientations.items():
             what = f"orientations: {name!r}"
             if not callable(each):  # what never changes is read once
-                turn = as_array(each, what, (3, 3), meaning="one rotation, or a function of the time")
-                self.orientations[name] = quaternions_of(turn, what, np.zeros(1))
+                self.orientations[name] = quaternions_of(each, what, np.zeros(1))
             else:
                 self.orientations[name] = each
 

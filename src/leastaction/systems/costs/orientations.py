@@ -65,9 +65,9 @@ class OrientationCost(CostOfConfigurations):
         Such as a `QuadraticCost`.
     system : MidpointSystem
         Whose frames are meant.
-    orientations : mapping of str to array_like (3, 3) or (N+1, 3, 3), or callable
-        Rotations that are wanted of frames, by their names: the columns are the frame's axes in the world. Or a
-        function of the time (s).
+    orientations : mapping of str to array_like (3, 3), (4,), (N+1, 3, 3) or (N+1, 4), or callable
+        Rotations that are wanted of frames, by their names: matrices whose columns are the frame's axes in the world,
+        or unit quaternions, scalar first. Or a function of the time (s).
     weights : mapping of str to float or array_like (3,)
         By the same names, in units of the cost by rad^2: of turns about all axes of the frame, or about x, y, z. 1 if
         left out.

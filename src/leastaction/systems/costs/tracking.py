@@ -84,9 +84,10 @@ def tracking(
         ``"hips.v"`` are those about all three.
     wanted : mapping, or array_like (N+1, nx) or (nx,), or callable, optional
         What is wanted, by name: a number, (N+1,) values, or a function of the time (s); or whole states. Zero if left
-        out, velocities too. Of a joint whose rotation is a quaternion, by its name, the rotation: (3, 3) or
-        (N+1, 3, 3), or a function; none if left out. In continuous time a `PiecewisePolynomial` through samples takes
-        the place of rows, and the whole state may be one, or another function of the time.
+        out, velocities too. Of a joint whose rotation is a quaternion, by its name, the rotation: a matrix
+        (3, 3), a unit quaternion (4,), scalar first, one for each instant, or a function; none if left out. In
+        continuous time a `PiecewisePolynomial` through samples takes the place of rows, and the whole state may be one,
+        or another function of the time.
     effort : float or mapping of str to float, optional
         Weights of the inputs.
     inputs : mapping, or array_like (N, nu) or (nu,), or callable, optional

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError
-from leastaction.mechanics.mechanism.arguments import Compiled, angles_only, batch, batch_of_states, frame_index, shaped
+from leastaction.mechanics.mechanism.arguments import Compiled, batch, batch_of_states, frame_index, shaped
 from leastaction.mechanics.mechanism.queries.frame_derivatives import Slots, jacobian_derivative, pose_derivative
 from leastaction.mechanics.mechanism.queries.path_motion import Axes, PathMotion, inverted, origins_of, poses_of
 from leastaction.numerics.arrays import Array, Row, as_array, as_count, as_flag
@@ -55,17 +55,18 @@ def frame_pose_derivative(
         The frame.
     order : int, optional
         How often it is differentiated.
-    along : sequence of array_like, shape (nq,), optional
+    along : sequence of array_like, shape (nv,), optional
         Directions that the last of these derivatives are taken along, `order` of them at most.
     inverse : bool, optional
         Differentiate the inverse of the pose.
     max_bytes : float, optional
-        What the result may take: ``128 N nq^(order - len(along))`` bytes.
+        What the result may take: ``128 N nv^(order - len(along))`` bytes.
 
     Returns
     -------
-    ndarray, shape (4, 4, nq, ...) or (N, 4, 4, nq, ...)
-        With one axis of nq for every derivative that is along no direction; symmetric in them.
+    ndarray, shape (4, 4, nv, ...) or (N, 4, 4, nv, ...)
+        With one axis of nv for every derivative that is along no direction; symmetric in them. Of a rotation that is a
+        quaternion they are by a turn in the axes of the body.
 
     Raises
     ------
@@ -134,7 +135,7 @@ def frame_velocity(
 
     Parameters
     ----------
-    q, v : array_like, shape (nq,) or (N, nq)
+    q, v : array_like, shape (nq,) and (nv,), or (N, nq) and (N, nv)
     frame, point, axes
         As in `frame_jacobian`.
 
@@ -169,7 +170,7 @@ def frame_jacobian_derivative(
     frame, point, axes
         As in `frame_jacobian`.
     order, along, max_bytes
-        As in `frame_pose_derivative`; the result takes ``48 N nq^(1 + order - len(along))`` bytes.
+        As in `frame_pose_derivative`; the result takes ``48 N nv^(1 + order - len(along))`` bytes.
 
     Returns
     -------
@@ -213,16 +214,16 @@ def frame_velocity_derivative(
 
     Parameters
     ----------
-    q, v : array_like, shape (nq,) or (N, nq)
+    q, v : array_like, shape (nq,) and (nv,), or (N, nq) and (N, nv)
     frame, point, axes
         As in `frame_jacobian`.
     order, along, max_bytes
-        As in `frame_pose_derivative`; the result takes ``48 N nq^(order - len(along))`` bytes.
+        As in `frame_pose_derivative`; the result takes ``48 N nv^(order - len(along))`` bytes.
 
     Returns
     -------
-    ndarray, shape (6, nq, ...) or (N, 6, nq, ...)
-        With one axis of nq for every derivative that is along no direction; symmetric in them.
+    ndarray, shape (6, nv, ...) or (N, 6, nv, ...)
+        With one axis of nv for every derivative that is along no direction; symmetric in them.
 
     Raises
     ------
@@ -246,13 +247,12 @@ def _slots(
     what: str,
 ) -> Slots:
     """Return by what to differentiate: so often by all variables, and along directions; check the result's size."""
-    angles_only(m, what)
     count = as_count(order, f"{what}: order", 1)
-    directions = as_array(along, f"{what}: along", (None, m.nq), names=m.variables) if len(along) else ()
+    directions = as_array(along, f"{what}: along", (None, m.nv), names=m.variables) if len(along) else ()
     if len(directions) > count:
         raise ArgumentError(f"{what}: got {len(directions)} directions for derivatives of order {count}")
     free = count - len(directions)
-    check_memory((*lead, *[m.nq] * free), max_bytes, what, "give directions, along=[...]")
+    check_memory((*lead, *[m.nv] * free), max_bytes, what, "give directions, along=[...]")
     return [motion.E[None]] * free + [(motion.E @ direction)[None, :, None] for direction in directions]
 
 

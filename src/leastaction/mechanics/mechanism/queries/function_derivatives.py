@@ -234,18 +234,3 @@ class Weighed:
         """Evaluate; see `Evaluate`."""
         values, gradients, hessian = self.inner(directions, weights[0] * self.weights)
         return (self.weights @ values)[None], (self.weights @ gradients)[None], hessian
-
-
-@dataclass(frozen=True)
-class Substituted:
-    """A function of ``z = map y``, times a factor, as one of y."""
-
-    inner: Evaluate
-    map: Array
-    factor: float
-
-    def __call__(self, directions: Array, weights: Array) -> tuple[Array, Array, Array]:
-        """Evaluate; see `Evaluate`."""
-        values, gradients, hessian = self.inner(directions @ self.map.T, weights)
-        by = self.factor * self.map
-        return self.factor * values, gradients @ by, self.map.T @ hessian @ by

@@ -15,8 +15,10 @@ from numpy.typing import ArrayLike
 from leastaction import _core
 from leastaction.errors import ArgumentError, closest
 from leastaction.mechanics.elements import Constraint, Force, Parts, Potential
-from leastaction.mechanics.mechanism.arguments import Compiled, angles_only, inputs_of, single
-from leastaction.mechanics.mechanism.queries.function_derivatives import FunctionDerivatives
+from leastaction.mechanics.mechanism.arguments import Compiled, inputs_of, rates, single
+from leastaction.mechanics.mechanism.queries.composition import Composed, Places, PushedBack, Turns
+from leastaction.mechanics.mechanism.queries.function_derivatives import Evaluate, FunctionDerivatives
+from leastaction.mechanics.mechanism.queries.turn_charts import pushed_state, turned_state
 from leastaction.numerics.arrays import Array, Row
 
 
@@ -25,7 +27,7 @@ def lagrangian(m: Compiled, q: Row, v: Row) -> FunctionDerivatives:
 
     Parameters
     ----------
-    q, v : array_like, shape (nq,)
+    q, v : array_like, shape (nq,) and (nv,)
         Configuration and velocity.
 
     Returns
@@ -39,10 +41,9 @@ def lagrangian(m: Compiled, q: Row, v: Row) -> FunctionDerivatives:
     ArgumentError
         For wrong shapes or values that are not finite.
     """
-    angles_only(m, "lagrangian")
-    at, speed = single(m, q).copy(), single(m, v, "v").copy()
-    evaluate = LagrangianAt(m, _parts_of(m, None, Potential), at, speed)
-    arguments = {"q": m.nq, "v": m.nq}
+    at, speed = single(m, q).copy(), rates(m, v).copy()
+    evaluate = turned(m, LagrangianAt(m, _parts_of(m, None, Potential), at, speed), speed)
+    arguments = {"q": m.nv, "v": m.nv}
     return FunctionDerivatives.of("L", arguments, evaluate, highest_order=_highest_order(m, None, Potential))
 
 
@@ -66,10 +67,9 @@ def potential(m: Compiled, q: Row, element: str | None = None) -> FunctionDeriva
     ArgumentError
         For a wrong shape, an unknown element or one that is no potential.
     """
-    angles_only(m, "potential")
-    evaluate = PotentialAt(m, _parts_of(m, element, Potential), single(m, q).copy())
+    evaluate = turned(m, PotentialAt(m, _parts_of(m, element, Potential), single(m, q).copy()))
     order = _highest_order(m, element, Potential)
-    return FunctionDerivatives.of(_called("V", element), {"q": m.nq}, evaluate, highest_order=order)
+    return FunctionDerivatives.of(_called("V", element), {"q": m.nv}, evaluate, highest_order=order)
 
 
 def force(m: Compiled, q: Row, v: Row, u: ArrayLike | None = None, element: str | None = None) -> FunctionDerivatives:
@@ -77,7 +77,7 @@ def force(m: Compiled, q: Row, v: Row, u: ArrayLike | None = None, element: str 
 
     Parameters
     ----------
-    q, v : array_like, shape (nq,)
+    q, v : array_like, shape (nq,) and (nv,)
         Configuration and velocity.
     u : array_like, shape (n_inputs,), optional
         Inputs; zero if not given.
@@ -87,7 +87,7 @@ def force(m: Compiled, q: Row, v: Row, u: ArrayLike | None = None, element: str 
     Returns
     -------
     FunctionDerivatives
-        Of nq functions, one for each variable, kinematic ones too; `FunctionDerivatives.weighed` contracts them.
+        Of nv functions, one for each variable, kinematic ones too; `FunctionDerivatives.weighed` contracts them.
         To the second order where there is a `PythonForce`.
 
     Raises
@@ -95,11 +95,10 @@ def force(m: Compiled, q: Row, v: Row, u: ArrayLike | None = None, element: str 
     ArgumentError
         For wrong shapes, an unknown element or one that is no force.
     """
-    angles_only(m, "force")
-    at, speed = single(m, q).copy(), single(m, v, "v").copy()
+    at, speed = single(m, q).copy(), rates(m, v).copy()
     given = inputs_of(m, u, "u").copy()
-    evaluate = ForceAt(m, _parts_of(m, element, Force), at, speed, given)
-    arguments, order = {"q": m.nq, "v": m.nq, "u": m.n_inputs}, _highest_order(m, element, Force)
+    evaluate = turned_forces(m, ForceAt(m, _parts_of(m, element, Force), at, speed, given), speed)
+    arguments, order = {"q": m.nv, "v": m.nv, "u": m.n_inputs}, _highest_order(m, element, Force)
     return FunctionDerivatives.of(_called("f", element), arguments, evaluate, rows=m.variables, highest_order=order)
 
 
@@ -124,12 +123,41 @@ def constraint(m: Compiled, q: Row, element: str | None = None) -> FunctionDeriv
     ArgumentError
         For a wrong shape, an unknown element or one that is no constraint.
     """
-    angles_only(m, "constraint")
     parts = _parts_of(m, element, Constraint)
     rows = m.constraints[parts.first.constraints : parts.last.constraints]
-    evaluate = ConstraintsAt(m, parts, single(m, q).copy())
+    evaluate = turned(m, ConstraintsAt(m, parts, single(m, q).copy()))
     order = _highest_order(m, element, Constraint)
-    return FunctionDerivatives.of(_called("h", element), {"q": m.nq}, evaluate, rows=rows, highest_order=order)
+    return FunctionDerivatives.of(_called("h", element), {"q": m.nv}, evaluate, rows=rows, highest_order=order)
+
+
+def places_of_turns(m: Compiled) -> Places:
+    """Return where the turns of n quaternions stand among the variables, (n, 3)."""
+    firsts = [m.variables.index(rotation.variables[0]) for rotation in m.tree.rotations]
+    return np.array(firsts, dtype=np.intp).reshape(-1, 1) + np.arange(3)
+
+
+def turned(m: Compiled, evaluate: Evaluate, v: Array | None = None, more: int = 0) -> Evaluate:
+    """Return a function of the core's coordinates, [q; v; more] or q alone, as one of turns and angular velocities."""
+    return evaluate if not m.tree.rotations else _composed(m, evaluate, v, more)
+
+
+def _composed(m: Compiled, evaluate: Evaluate, v: Array | None, more: int) -> Composed:
+    places = places_of_turns(m)
+    at = np.zeros(places.shape)
+    if v is not None:
+        at, places = np.hstack([at, v[places]]), np.hstack([places, m.nv + places])
+    by = np.eye(m.nv if v is None else 2 * m.nv + more)
+    by[places, places] = 0.0
+    return Composed(evaluate, by, turns=Turns(turned_state, places, places, at))
+
+
+def turned_forces(m: Compiled, evaluate: ForceAt, v: Array) -> Evaluate:
+    """Return forces on the core's coordinates as torques about the axes of the bodies."""
+    if not m.tree.rotations:
+        return evaluate
+    composed = _composed(m, evaluate, v, m.n_inputs)
+    assert composed.turns is not None
+    return PushedBack(composed, composed.turns, pushed_state, places_of_turns(m))
 
 
 def _parts_of(m: Compiled, element: object, kind: type[Any]) -> Parts:
@@ -164,7 +192,7 @@ _quiet = np.errstate(over="ignore", invalid="ignore")
 
 @dataclass(frozen=True)
 class PotentialAt:
-    """Potentials by q at a configuration (nq,): their sum."""
+    """Potentials by q at a configuration (nq,), of the core's coordinates (nv,): their sum."""
 
     mechanism: Compiled
     parts: Parts
@@ -173,7 +201,7 @@ class PotentialAt:
     @_quiet
     def __call__(self, directions: Array, weights: Array) -> tuple[Array, Array, Array]:
         """Evaluate; see `Evaluate`."""
-        n, parts = self.mechanism.nq, self.parts
+        n, parts = self.mechanism.nv, self.parts
         first, last = parts.first.potentials, parts.last.potentials
         each = np.full(last - first, weights[0])
         values, gradients, hessian = self.mechanism.core.potentials(first, last, each, self.q, directions)
@@ -193,7 +221,7 @@ class PotentialAt:
 
 @dataclass(frozen=True)
 class LagrangianAt:
-    """The Lagrangian by [q; v] at a state (nq,), (nq,)."""
+    """The Lagrangian by [q; v] at a state (nq,), (nv,)."""
 
     mechanism: Compiled
     parts: Parts
@@ -203,7 +231,7 @@ class LagrangianAt:
     @_quiet
     def __call__(self, directions: Array, weights: Array) -> tuple[Array, Array, Array]:
         """Evaluate; see `Evaluate`."""
-        n, parts = self.mechanism.nq, self.parts
+        n, parts = self.mechanism.nv, self.parts
         dq, dv = (np.ascontiguousarray(half) for half in (directions[:, :n], directions[:, n:]))
         value, gradient, hessian = self.mechanism.core.lagrangian_of_bodies(self.q, self.v, dq, dv)
         second = weights[0] * hessian.reshape(2 * n, 2 * n)
@@ -225,7 +253,7 @@ class ConstraintsAt:
     @_quiet
     def __call__(self, directions: Array, weights: Array) -> tuple[Array, Array, Array]:
         """Evaluate; see `Evaluate`."""
-        n, first, last = self.mechanism.nq, self.parts.first.constraints, self.parts.last.constraints
+        n, first, last = self.mechanism.nv, self.parts.first.constraints, self.parts.last.constraints
         found = self.mechanism.core.constraint_functions(first, last, weights, self.q, directions)
         values, gradients, hessian = found
         return values, gradients.reshape(values.size, n), hessian.reshape(n, n)
@@ -233,7 +261,7 @@ class ConstraintsAt:
 
 @dataclass(frozen=True)
 class ForceAt:
-    """Generalised forces (nq,) by [q; v; u] at a state and inputs."""
+    """Generalised forces (nv,) by [q; v; u] at a state and inputs."""
 
     mechanism: Compiled
     parts: Parts
@@ -244,7 +272,7 @@ class ForceAt:
     @_quiet
     def __call__(self, directions: Array, weights: Array) -> tuple[Array, Array, Array]:
         """Evaluate; see `Evaluate`."""
-        core, at, n = self.mechanism.core, (self.q, self.v, self.u), self.mechanism.nq
+        core, at, n = self.mechanism.core, (self.q, self.v, self.u), self.mechanism.nv
         parts = _core.ElementParts(self.parts.first, self.parts.last)
         values, gradients = core.force(*at, parts), np.hstack(core.force_jacobians(*at, parts))
         if not len(directions):
