@@ -115,7 +115,7 @@ class _Backwards:
         return Mesh(np.append(begins, self.mesh.breaks[-1])).fit(values, (values.shape[2],))
 
     def _exchanged(self, ahead: _Pieces, start: int, parts: NDArray[np.intp]) -> _Pieces:
-        """Return the pieces before some, and of these from the start on, each in so many parts, the shorter the later."""
+        """Return the pieces before the start, and those from there on in so many parts each, the shorter the later."""
         coarse = start + np.flatnonzero(parts > 1)
         kept = ahead.some(np.append(np.arange(start), start + np.flatnonzero(parts == 1)))
         if not len(coarse):
@@ -142,7 +142,7 @@ class _Backwards:
         return done.P, None if done.stage is None else done.stage // 2
 
     def _laws(self, pieces: _Pieces, known: Array) -> tuple[Array, Flags, NDArray[np.intp]]:
-        """Return the gains (n, 8, nu nx) at the points of pieces, where there are such, and in how many parts they go."""
+        """Return the gains (n, 8, nu nx) at the points, where there are any, and in how many parts pieces go."""
         begin, end = known[:-1:2], known[2::2]
         whole, good = self._steps(pieces, slice(POINTS + 1, POINTS + 2), end)
         size = np.sqrt(np.abs(np.diagonal(begin, axis1=1, axis2=2)))
@@ -195,7 +195,7 @@ class _Backwards:
         )
 
     def _made(self, starts: Array, ends: Array) -> tuple[Array, Array]:
-        """Return where steps between times lead, and what they cost, as of `_PieceAhead`."""
+        """Return where steps between times lead, and what they cost, as of `_Pieces`."""
         n, nx, nu = len(starts), self.nx, self.nu
         h = (ends - starts)[:, None, None]
         t = starts[:, None] + h[:, 0] * NODES
