@@ -225,7 +225,8 @@ Out force_curvature(const Mechanism& m, const In<1>& q, const In<1>& v, const In
                     const std::optional<ElementParts>& parts) {
     const std::size_t n = m.n_variables(), r = m.n_inputs, size = 2 * n + r;
     expect(u.size(), r, "u");
-    const std::vector<double> Q = configuration_of(m, q, "q"), V = to_internal(m, v, "v"), MU = to_internal(m, mu, "mu");
+    const std::vector<double> Q = configuration_of(m, q, "q"), V = to_internal(m, v, "v"),
+                              MU = to_internal(m, mu, "mu");
     const auto along_v = duals(Q, V), along_mu = duals(Q, MU);
     Placement<double> at(m);
     Placement<Dual<double>> at_v(m), at_mu(m);

@@ -151,7 +151,7 @@ class _Backwards:
         P, there = self._steps(pieces, slice(POINTS), end)
         here = self._unpacked(pieces.here.reshape(-1, pieces.here.shape[2]))
         right = here.B.transpose(0, 2, 1) @ P.reshape(-1, self.nx, self.nx) + here.S.transpose(0, 2, 1)
-        K: Array = np.linalg.solve(here.R, right).reshape(len(end), POINTS, -1)
+        K: Array = np.asarray(np.linalg.solve(here.R, right)).reshape(len(end), POINTS, -1)
         error = np.maximum(np.maximum(off, self._rough(K)), 1e-3)
         halvings = np.clip(np.ceil(np.log2(error) / _GAINED), 0, _DEEPEST)
         return K, there, 1 + np.where(good & there, halvings, 1).astype(np.intp)
@@ -176,7 +176,7 @@ class _Backwards:
             good = np.linalg.eigvalsh(by_u)[..., 0] > 0.0
             by_u = np.where(good[..., None, None], by_u, np.eye(by_u.shape[-1]))
         found = H[..., :nx, :nx] - mixed.transpose(0, 1, 3, 2) @ np.linalg.solve(by_u, mixed)
-        return 0.5 * (found + found.transpose(0, 1, 3, 2)), good.all(axis=1)
+        return 0.5 * (found + found.transpose(0, 1, 3, 2)), np.asarray(good.all(axis=1))
 
     def _pieces(self, begins: Array, ends: Array) -> _Pieces:
         """Return pieces and the steps within them, all made at once."""
