@@ -5,6 +5,9 @@
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/tuple.h>
 
+#include <algorithm>
+#include <vector>
+
 #include "arrays.hpp"
 #include "optimal/barrier.hpp"
 #include "optimal/limit_prices.hpp"
@@ -109,12 +112,12 @@ bool unenforced(const Places& other, const Values& y, const Values& prices) {
     return some_unenforced(static_cast<std::ptrdiff_t>(entries), other.data(), y.data(), prices.data());
 }
 
-double largest_product(const Places& column, const Values& y, const Values& of_columns) {
+double largest_product(const Places& column, const Values& y, const Values& scale) {
     expect(column.size(), y.size(), "of entries");
-    within(column, of_columns.size(), "column");
+    within(column, scale.size(), "column");
     double largest = 0.0;
     for (std::size_t e = 0; e < y.size(); ++e)
-        largest = std::max(largest, y.data()[e] * of_columns.data()[column.data()[e]]);
+        largest = std::max(largest, y.data()[e] * scale.data()[column.data()[e]]);
     return largest;
 }
 
@@ -132,6 +135,55 @@ void settle(const Values& y, const Values& slack, double mu, const Result& out) 
     for (const std::size_t size : {slack.size(), out.size()}) expect(size, y.size(), "of entries");
     settle_multipliers(static_cast<std::ptrdiff_t>(y.size()), y.data(), slack.data(), mu, out.data());
 }
+
+using Rows = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+// Limits that are entries of states or inputs, times factors: where each is in these, and where among all limits.
+class EntryRows {
+public:
+    EntryRows(const Places& places, const Values& factors, const Values& bounds, const Places& at) {
+        for (const std::size_t count : {factors.size(), bounds.size(), at.size()})
+            expect(count, places.size(), "of entries");
+        for (std::size_t i = 0; i < places.size(); ++i) {
+            const std::int64_t place = places.data()[i], where = at.data()[i];
+            if (place < 0 || where < 0) throw std::invalid_argument("no such entry");
+            all_.push_back({static_cast<std::size_t>(place), static_cast<std::size_t>(where), factors.data()[i],
+                            bounds.data()[i]});
+            size_ = std::max(size_, all_.back().place + 1);
+            limits_ = std::max(limits_, all_.back().at + 1);
+        }
+    }
+    void values(const In<2>& z, const Result& out) const {
+        check(z.size(), out.size());
+        for (const Entry& e : all_) out.data()[e.at] = e.factor * z.data()[e.place] - e.bound;
+    }
+    void along(const In<2>& dz, const Result& out) const {
+        check(dz.size(), out.size());
+        for (const Entry& e : all_) out.data()[e.at] = e.factor * dz.data()[e.place];
+    }
+    void pull(const In<2>& gradient, const Values& y, const Rows& out) const {
+        expect(gradient.size(), out.size(), "the gradient");
+        check(out.size(), y.size());
+        std::copy_n(gradient.data(), out.size(), out.data());
+        for (const Entry& e : all_) out.data()[e.place] -= e.factor * y.data()[e.at];
+    }
+    void weigh(const Values& sigma, const Rows& out) const {
+        check(out.size(), sigma.size());
+        std::fill_n(out.data(), out.size(), 0.0);
+        for (const Entry& e : all_) out.data()[e.place] += e.factor * e.factor * sigma.data()[e.at];
+    }
+
+private:
+    struct Entry {
+        std::size_t place, at;
+        double factor, bound;
+    };
+    void check(std::size_t size, std::size_t limits) const {
+        if (size < size_ || limits < limits_) throw std::invalid_argument("too few states, inputs or limits");
+    }
+    std::vector<Entry> all_;
+    std::size_t size_ = 0, limits_ = 0;  // what they need at least
+};
 
 using Matrices = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
@@ -182,12 +234,20 @@ void bind_barrier(nb::module_& m) {
         "limit needs a higher price, and the highest and the lowest of an excess of its scale.");
     m.def("some_unenforced", &unenforced, "other"_a, "y"_a, "prices"_a,
           "Whether the price of some entry does not enforce its limit.");
-    m.def("largest_product", &largest_product, "column"_a, "y"_a, "of_columns"_a,
-          "The largest product of an entry and what its column has; 0 where none is positive.");
+    m.def("largest_product", &largest_product, "column"_a, "y"_a, "scale"_a,
+          "The largest product of an entry and the scale of its column; 0 where none is positive.");
     m.def("active_limits", &active, "column"_a, "scale"_a, "y"_a, "least"_a, "hardly"_a, "out"_a,
           "Writes which entries hold the motion back.");
     m.def("settle_duals", &settle, "y"_a, "slack"_a, "mu"_a, "out"_a,
           "Writes duals, or those of the barrier where they have not come near them.");
+    nb::class_<EntryRows>(m, "EntryRows", "Limits that are entries of states or inputs, times factors.")
+        .def(nb::init<const Places&, const Values&, const Values&, const Places&>(), "places"_a, "factors"_a,
+             "bounds"_a, "at"_a)
+        .def("values", &EntryRows::values, "z"_a, "out"_a, "Writes their values to where they are among limits.")
+        .def("along", &EntryRows::along, "dz"_a, "out"_a, "Writes the changes of these along a direction.")
+        .def("pull", &EntryRows::pull, "gradient"_a, "y"_a, "out"_a,
+             "Writes a gradient by states or inputs less duals times derivatives.")
+        .def("weigh", &EntryRows::weigh, "sigma"_a, "out"_a, "Writes the diagonals of their stiffness.");
     m.def("add_limit_rows", &add_rows, "jacobian"_a, "sigma"_a, "bent"_a.none(), "k"_a, "places"_a, "to"_a,
           "Adds J' sigma J - bent of every one of n stages at some places of matrices of stages k.");
 }

@@ -81,13 +81,13 @@ HessianBlock block(const MaybeInput& array, std::size_t N, std::size_t rows, std
     return {array->data(), static_cast<std::ptrdiff_t>(stride), diagonal};
 }
 
-// One axis more than a constant matrix or diagonal means one block per stage; (N, rows) and
-// (rows, cols) both have two axes, so the caller says whether a diagonal is meant.
-HessianBlock block(const MaybeInput& array, bool diagonal, std::size_t N, std::size_t rows, std::size_t cols,
-                   const char* what) {
+// A weight: (n,), (n, n), or of every stage (N, n, 1), (N, n, n).
+HessianBlock weight(const MaybeInput& array, std::size_t N, std::size_t n, const char* what) {
     if (!array) return {};
-    const bool per_stage = array->ndim() == (diagonal ? 2U : 3U);
-    return block(array, N, rows, cols, per_stage, diagonal, what);
+    const bool per_stage = array->ndim() == 3;
+    const bool diagonal = array->ndim() == 1 || (per_stage && array->shape(2) == 1);
+    require(has_shape(*array, {n}) || has_shape(*array, {n, n}) || has_shape(*array, {N, n, diagonal ? 1 : n}), what);
+    return {array->data(), static_cast<std::ptrdiff_t>(per_stage ? (diagonal ? n : n * n) : 0), diagonal};
 }
 
 // The inputs and those states that have an entry in their column.
@@ -132,16 +132,15 @@ void set_pattern(LinearQuadraticProblem& problem, const std::optional<Pattern>& 
 
 LinearQuadraticReport solve(const Input& A, const Input& B, const Output& K, const Output& C, const Output& b,
                             const Output& P0, const MaybeOutput& P_all, const MaybeOutput& L_all, const MaybeInput& Q,
-                            bool Q_diagonal, const MaybeInput& R, bool R_diagonal, const MaybeInput& S,
-                            const MaybeInput& H, double H_scale, const MaybeInput& q, const MaybeInput& r,
-                            const MaybeInput& c, const MaybeInput& Q_final, const MaybeInput& q_final,
-                            const MaybeInput& part, const MaybePlaces& part_columns, bool regularize,
-                            bool use_structure, const std::optional<Pattern>& pattern) {
+                            const MaybeInput& R, const MaybeInput& S, const MaybeInput& H, double H_scale,
+                            const MaybeInput& q, const MaybeInput& r, const MaybeInput& c, const MaybeInput& Q_final,
+                            const MaybeInput& q_final, const MaybeInput& part, const MaybePlaces& part_columns,
+                            bool regularize, bool use_structure, const std::optional<Pattern>& pattern) {
     const auto [N, nx, nu] = sizes(A, B);
     LinearQuadraticProblem problem = dynamics(A, B);
-    problem.Q = block(Q, Q_diagonal, N, nx, nx, "Q must have shape (nx) or (nx, nx), or N of them");
-    problem.R = block(R, R_diagonal, N, nu, nu, "R must have shape (nu) or (nu, nu), or N of them");
-    problem.S = block(S, false, N, nx, nu, "S must have shape (nx, nu), or N of them");
+    problem.Q = weight(Q, N, nx, "Q must have shape (nx) or (nx, nx), or N of them");
+    problem.R = weight(R, N, nu, "R must have shape (nu) or (nu, nu), or N of them");
+    problem.S = block(S, N, nx, nu, S && S->ndim() == 3, false, "S must have shape (nx, nu), or N of them");
     if (H && H->ndim() == 2) {
         require(pattern && use_structure, "a packed H needs the pattern of [A B]");
         require(has_shape(*pattern, {nx, nx + nu}), "pattern must have shape (nx, nx + nu)");
@@ -238,16 +237,15 @@ void make_program(InteriorProgram* self, std::size_t N, std::size_t nx, std::siz
 
 InteriorProgram::Report solve_program(InteriorProgram& self, const Input& A, const Input& B, const Input& values,
                                       double tolerance, double magnitude, int most, const MaybeInput& Q,
-                                      bool Q_diagonal, const MaybeInput& R, bool R_diagonal, const MaybeInput& S,
-                                      const Input& q, const Input& r, const MaybeInput& Q_final, const Input& q_final,
-                                      const MaybeInput& part, const MaybePlaces& part_columns,
-                                      const std::optional<Pattern>& pattern) {
+                                      const MaybeInput& R, const MaybeInput& S, const Input& q, const Input& r,
+                                      const MaybeInput& Q_final, const Input& q_final, const MaybeInput& part,
+                                      const MaybePlaces& part_columns, const std::optional<Pattern>& pattern) {
     const auto [N, nx, nu] = sizes(A, B);
     require(self.K.size() == N * nx * nu && self.dx.size() == (N + 1) * nx, "A and B must be of the program's sizes");
     LinearQuadraticProblem problem = dynamics(A, B);
-    problem.Q = block(Q, Q_diagonal, N, nx, nx, "Q must have shape (nx) or (nx, nx), or N of them");
-    problem.R = block(R, R_diagonal, N, nu, nu, "R must have shape (nu) or (nu, nu), or N of them");
-    problem.S = block(S, false, N, nx, nu, "S must have shape (nx, nu), or N of them");
+    problem.Q = weight(Q, N, nx, "Q must have shape (nx) or (nx, nx), or N of them");
+    problem.R = weight(R, N, nu, "R must have shape (nu) or (nu, nu), or N of them");
+    problem.S = block(S, N, nx, nu, S && S->ndim() == 3, false, "S must have shape (nx, nu), or N of them");
     problem.part = part_of(part, part_columns, N, nx + nu);
     problem.q = checked(q, {N, nx}, "q must have shape (N, nx)");
     problem.r = checked(r, {N, nu}, "r must have shape (N, nu)");
@@ -291,9 +289,8 @@ void bind_interior_program(nb::module_& m) {
              "stage (m): of each row; begin (m + 1): of its entries in `column`, which are of [dx; du; dx of the next "
              "stage], and in `coefficients`.")
         .def("solve", &solve_program, "A"_a, "B"_a, "values"_a, "tolerance"_a, "magnitude"_a, "most"_a, nb::kw_only(),
-             "Q"_a.none(), "Q_diagonal"_a, "R"_a.none(), "R_diagonal"_a, "S"_a.none(), "q"_a, "r"_a, "Q_final"_a.none(),
-             "q_final"_a, "part"_a.none(), "part_columns"_a.none(), "pattern"_a.none(),
-             "Solves it for values c (m), in at most so many iterations.")
+             "Q"_a.none(), "R"_a.none(), "S"_a.none(), "q"_a, "r"_a, "Q_final"_a.none(), "q_final"_a, "part"_a.none(),
+             "part_columns"_a.none(), "pattern"_a.none(), "Solves it for values c (m), in at most so many iterations.")
         .def_rw("kept", &P::kept, "Whether slacks and multipliers are of an instant before.");
     const auto entries = [](const P& of) { return Sizes{of.coefficients.size()}; };
     const auto rows = [](const P& of) { return Sizes{of.scales.size()}; };
@@ -334,12 +331,11 @@ void bind_linear_quadratic(nb::module_& m) {
         .def_ro("structured_stages", &Report::structured_stages);
 
     m.def("solve_linear_quadratic", &solve, "A"_a, "B"_a, "K"_a, "C"_a, "b"_a, "P0"_a, "P_all"_a.none(),
-          "L_all"_a.none(), nb::kw_only(), "Q"_a.none() = nb::none(), "Q_diagonal"_a = false, "R"_a.none() = nb::none(),
-          "R_diagonal"_a = false, "S"_a.none() = nb::none(), "H"_a.none() = nb::none(), "H_scale"_a = 1.0,
-          "q"_a.none() = nb::none(), "r"_a.none() = nb::none(), "c"_a.none() = nb::none(),
-          "Q_final"_a.none() = nb::none(), "q_final"_a.none() = nb::none(), "part"_a.none() = nb::none(),
-          "part_columns"_a.none() = nb::none(), "regularize"_a = false, "use_structure"_a = true,
-          "pattern"_a.none() = nb::none(),
+          "L_all"_a.none(), nb::kw_only(), "Q"_a.none() = nb::none(), "R"_a.none() = nb::none(),
+          "S"_a.none() = nb::none(), "H"_a.none() = nb::none(), "H_scale"_a = 1.0, "q"_a.none() = nb::none(),
+          "r"_a.none() = nb::none(), "c"_a.none() = nb::none(), "Q_final"_a.none() = nb::none(),
+          "q_final"_a.none() = nb::none(), "part"_a.none() = nb::none(), "part_columns"_a.none() = nb::none(),
+          "regularize"_a = false, "use_structure"_a = true, "pattern"_a.none() = nb::none(),
           "Backward recursion of the affine LQ problem; writes K, C, b, P0 and, if given, P_all and L_all.");
     m.def("sweep_forward", &forward, "A"_a, "B"_a, "K"_a, "C"_a, "c"_a.none(), "dx"_a, "du"_a,
           "pattern"_a.none() = nb::none(), "Closed-loop linear roll-out from dx[0]; writes dx[1:] and du.");

@@ -86,8 +86,7 @@ void SecondOrder::add_lagrangian(double dt) {
     if (turned_) place_dual_balls();
     dual_.at.time = t + 0.5 * dt;
     dual_.gradient(dual_q_.data(), dual_v_.data());
-    dual_.hessian();
-    if (turned_) turn_pairs();
+    dual_.hessian(turned_middle_.joints());
     const PairDerivatives& d = dual_.pairs;
     each_pair(mechanism_, d.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
         const double qq = weight * (0.25 * d.qq[at]), vv = weight * (d.vv[at] / (dt * dt));

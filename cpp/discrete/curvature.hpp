@@ -76,7 +76,6 @@ private:
         return turned_ ? Directions{mu_z_.data(), w_z_.data(), nq_} : Directions{mu_.data(), w_p.data(), nd_};
     }
     void begin_turned(double dt);
-    void turn_pairs();
     void add_turned_potential(const ConfigurationFunction& potential);
     void add_turned_forces(double dt);
     void add_bends(double dt);

@@ -341,8 +341,7 @@ void MidpointStep::list_entries() {
 
 bool MidpointStep::factor_dense(double dt) {
     if (own_entries_.empty()) list_entries();
-    lagrangian_.hessian();
-    if (turned_middle_.turns()) turned_middle_.turn(lagrangian_.pairs);
+    lagrangian_.hessian(turned_middle_.joints());
     newton_.clear();
     double* M = newton_.M.data();
     const PairDerivatives& d = lagrangian_.pairs;

@@ -26,7 +26,6 @@ struct SecondOrder::Turned {
     std::vector<double> end;  // q2 as a configuration
     std::vector<Turning> turnings;
     std::vector<TurnedField> fields;
-    PairDerivatives values;
     std::vector<double> force, by_q, by_v;  // forces of balls, and the weighted sum's derivatives by what these see
     // The slopes of constraints and instant forces at both ends, and their second derivatives at the start: along mu, and by
     // variable in rows.
@@ -82,11 +81,6 @@ void SecondOrder::begin_turned(double dt) {
     }
     turned_middle_.set(t.turnings, dt);
     for (std::size_t b = 0; b < t.fields.size(); ++b) turned_middle_.set_field(b, dt * t.fields[b].slope());
-}
-
-void SecondOrder::turn_pairs() {
-    turned_middle_.copy_values(dual_, turned_->values);
-    turned_middle_.turn(dual_.pairs, turned_->values);
 }
 
 // After its second derivatives with the field held: what the field changes by, and its slope.

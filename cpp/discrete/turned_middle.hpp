@@ -1,8 +1,8 @@
 // How the middle of a step changes with its ends, where balls turn (turning.hpp).
 //
-// By any other variable q = (q1 + q2)/2 and v = (q2 - q1)/dt. Of a ball that is so of (s, d/dt); what the kernel has by its
-// (theta, theta'), for all pairs of joints, becomes here what it is by (s, d/dt). Then the pairs of balls are those of any
-// joint, but for second derivatives of (theta, nu) by the ends.
+// By any other variable q = (q1 + q2)/2 and v = (q2 - q1)/dt. Of a ball that is so of (s, d/dt), by which the kernel takes
+// second derivatives in place of its (theta, theta'). Then the pairs of balls are those of any joint, but for second
+// derivatives of (theta, nu) by the ends.
 #pragma once
 
 #include <vector>
@@ -55,12 +55,8 @@ public:
     // The derivatives by (s, d) of the field of a ball, where duals are taken along it (0 before).
     void set_field(std::size_t ball, const Turning::Matrix6& slope);
 
-    // Pairs of joints, from the kernel's coordinates of balls, in place; of duals their derivatives along the fields,
-    // given the values themselves (which end halfway).
-    void turn(PairDerivatives& pairs) const;
-    void turn(PairDerivatives& pairs, PairDerivatives& values) const;
-    // Makes these values, as far as they are needed.
-    void copy_values(const Lagrangian<Dual<double>>& of, PairDerivatives& values) const;
+    // For the kernel: the joints of balls by (s, d/dt).
+    std::span<const TurnedJoints> joints() const { return joints_; }
 
     // Calls f(k, ByEnds) for every variable k that variable i of the kernel depends on, itself but for balls.
     template <class F>
@@ -80,10 +76,6 @@ public:
 
 private:
     using Matrix6 = Turning::Matrix6;
-    // A map from (q, v) of three variables to three new ones, without what it keeps: weights of each old one by the new.
-    struct Change {
-        Turning::Matrix3 q_by_q, q_by_v, v_by_q, v_by_v;
-    };
     struct Ends {
         int first;
         Matrix6 by;  // (theta, theta') by the start and the end
@@ -96,8 +88,6 @@ private:
         }
     };
     struct TurnedBall {
-        Matrix6 whole, field;  // (theta, theta') by (s, d/dt)
-        Change change, field_change;
         Ends ends, field_ends;
     };
     void set_balls(const std::vector<Turning>& turnings);
@@ -105,13 +95,13 @@ private:
     [[gnu::noinline]] void visit_turned(const F& f) const {
         f(*this);
     }
-    template <class Row>
-    void each_row_behind(const Ball& ball, const Row& row) const;
     Matrix6 scaled(const Matrix6& by_middle) const;
 
     const Mechanism& mechanism_;
     std::vector<int> ball_of_;
     std::vector<TurnedBall> balls_;
+    std::vector<TurnedJoints> joints_;  // of balls that move masses
+    std::vector<int> place_in_joints_;  // by ball; -1: none
     double dt_ = 0, rate_ = 0;
 };
 

@@ -37,6 +37,13 @@ Inertia<double> moved(const Inertia<double>& a, const Pose<double>& pose) {
     return out;
 }
 
+// Whether a joint is one of the three of a ball.
+bool is_of_ball(const Mechanism& m, int joint) {
+    for (int first = joint; first >= 0 && first > joint - 3; --first)
+        if (m.joints[first].quaternion >= 0) return true;
+    return false;
+}
+
 }  // namespace
 
 void PairDerivatives::resize(const Mechanism& mechanism) {
@@ -162,7 +169,7 @@ void Lagrangian<T>::inertias(double* by_variable) const
 }
 
 template <class T>
-void Lagrangian<T>::hessian()
+void Lagrangian<T>::hessian(std::span<const TurnedJoints> turned)
     requires(!std::is_same_v<T, Lanes>)
 {
     const int n = mechanism_.n_massive;
@@ -185,65 +192,207 @@ void Lagrangian<T>::hessian()
             for (int c = 0; c < 3; ++c) G_wide_[part][c * stride_ + i] = part_of(gv[c], part);
         }
     }
-    for (int i = 0; i < n; ++i) pair_products(i);
+    if (!turned.empty()) return turned_products(turned);
+    for (int i = 0; i < n; ++i) pair_products<false>(i);
 }
 
-// The products of row i with all joints of its runs, `lanes` joints at a time. For a dual scalar the derivative of each
-// product: by the product rule the sum of two products of plain numbers, for a hyper-dual of four.
+// For a dual scalar the derivative of each product: by the product rule the sum of two products of plain numbers, for a
+// hyper-dual of four.
 template <class T>
-void Lagrangian<T>::pair_products(int i)
-    requires(!std::is_same_v<T, Lanes>)
-{
-    const std::size_t row = i * pairs.stride;
-    for (const auto& [first, last] : mechanism_.runs[i]) {
-        for (int j = first; j < last; j += lanes) {
-            Wide vv = Wide::Zero(), v_q = Wide::Zero(), q_v = Wide::Zero(), qq = Wide::Zero();
-            for (int product = 0; product < parts; ++product) {
-                const double* A = &AB_[parts - 1 - product][i * 12];
-                const double* B = A + 6;
-                const double* S = &S_wide_[product][j];
-                const double* W = &W_wide_[product][j];
-                const double* G = &G_wide_[product][j];
-                for (int c = 0; c < 6; ++c) {
-                    const Wide s = Eigen::Map<const Wide>(S + c * stride_), w = Eigen::Map<const Wide>(W + c * stride_);
-                    vv += A[c] * s;
-                    v_q -= A[c] * w;
-                    q_v += B[c] * s;
-                    qq -= B[c] * w;
-                }
-                for (int c = 0; c < 3; ++c) qq -= A[c] * Eigen::Map<const Wide>(G + c * stride_);
-            }
-            Eigen::Map<Wide>(&pairs.vv[row + j]) = vv;
-            Eigen::Map<Wide>(&pairs.v_q[row + j]) = v_q;
-            Eigen::Map<Wide>(&pairs.q_v[row + j]) = q_v;
-            Eigen::Map<Wide>(&pairs.qq[row + j]) = qq;
-        }
-    }
-}
+struct Lagrangian<T>::Products {
+    Wide vv = Wide::Zero(), v_q = Wide::Zero(), q_v = Wide::Zero(), qq = Wide::Zero();
 
-template <class T>
-void Lagrangian<T>::pair_values(int i, int first, int last, PairDerivatives& out) const
-    requires std::is_same_v<T, Dual<double>>
-{
-    if (out.stride == 0) out.resize(mechanism_);
-    const std::size_t row = i * out.stride;
-    const double *A = &AB_[0][i * 12], *B = A + 6;
-    for (int j = first; j < last; j += lanes) {
-        Wide vv = Wide::Zero(), v_q = Wide::Zero(), q_v = Wide::Zero(), qq = Wide::Zero();
+    // Of the vectors [A; B] of the row by a part, and those of the joints from j on by another.
+    [[gnu::always_inline]] void add(const Lagrangian& of, const double* A, int part, int j) {
+        const double* B = A + 6;
+        const double *S = &of.S_wide_[part][j], *W = &of.W_wide_[part][j];
         for (int c = 0; c < 6; ++c) {
-            const Wide s = Eigen::Map<const Wide>(&S_wide_[0][j + c * stride_]),
-                       w = Eigen::Map<const Wide>(&W_wide_[0][j + c * stride_]);
+            const Wide s = Eigen::Map<const Wide>(S + c * of.stride_), w = Eigen::Map<const Wide>(W + c * of.stride_);
             vv += A[c] * s;
             v_q -= A[c] * w;
             q_v += B[c] * s;
             qq -= B[c] * w;
         }
-        for (int c = 0; c < 3; ++c) qq -= A[c] * Eigen::Map<const Wide>(&G_wide_[0][j + c * stride_]);
-        Eigen::Map<Wide>(&out.vv[row + j]) = vv;
-        Eigen::Map<Wide>(&out.v_q[row + j]) = v_q;
-        Eigen::Map<Wide>(&out.q_v[row + j]) = q_v;
-        Eigen::Map<Wide>(&out.qq[row + j]) = qq;
     }
+    [[gnu::always_inline]] void add_weight(const Lagrangian& of, const double* A, int part, int j) {
+        const double* G = &of.G_wide_[part][j];
+        for (int c = 0; c < 3; ++c) qq -= A[c] * Eigen::Map<const Wide>(G + c * of.stride_);
+    }
+    // Where joints are turned: of a row that is not, [A q_q; A q_v] = [A; 0], and of one that is.
+    [[gnu::always_inline]] void add_weights(const Lagrangian& of, const double* A, int part, int j) {
+        add_weight(of, A, part, j);
+        const double* turned_G = &of.turned_G_wide_[part][j];
+        for (int c = 0; c < 3; ++c) q_v -= A[c] * Eigen::Map<const Wide>(turned_G + c * of.stride_);
+    }
+    [[gnu::always_inline]] void add_turned_weights(const Lagrangian& of, const double* A, int part, int j) {
+        const double *G = &of.G_wide_[part][j], *turned_G = &of.turned_G_wide_[part][j];
+        for (int c = 0; c < 3; ++c) {
+            const Wide by_q = Eigen::Map<const Wide>(G + c * of.stride_),
+                       by_v = Eigen::Map<const Wide>(turned_G + c * of.stride_);
+            qq -= A[c] * by_q;
+            q_v -= A[c] * by_v;
+            v_q -= A[3 + c] * by_q;
+            vv -= A[3 + c] * by_v;
+        }
+    }
+};
+
+// The products of row i with all joints of its runs, `lanes` joints at a time.
+template <class T>
+template <bool turned>
+void Lagrangian<T>::pair_products(int i)
+    requires(!std::is_same_v<T, Lanes>)
+{
+    const std::size_t row = i * pairs.stride;
+    const bool turned_row = turned && is_of_ball(mechanism_, i);
+    for (const auto& [first, last] : mechanism_.runs[i]) {
+        for (int j = first; j < last; j += lanes) {
+            Products sum;
+            for (int part = 0; part < parts; ++part) {
+                const double* A = &AB_[parts - 1 - part][i * 12];
+                sum.add(*this, A, part, j);
+                if constexpr (!turned)
+                    sum.add_weight(*this, A, part, j);
+                else if (turned_row)
+                    sum.add_turned_weights(*this, &turned_A_[parts - 1 - part][i * 6], part, j);
+                else
+                    sum.add_weights(*this, A, part, j);
+            }
+            Eigen::Map<Wide>(&pairs.vv[row + j]) = sum.vv;
+            Eigen::Map<Wide>(&pairs.v_q[row + j]) = sum.v_q;
+            Eigen::Map<Wide>(&pairs.q_v[row + j]) = sum.q_v;
+            Eigen::Map<Wide>(&pairs.qq[row + j]) = sum.qq;
+        }
+    }
+}
+
+template <class T>
+void Lagrangian<T>::turned_products(std::span<const TurnedJoints> turned)
+    requires(!std::is_same_v<T, Lanes>)
+{
+    const int n = mechanism_.n_massive;
+    for (int part = 0; part < parts; ++part) {
+        turned_G_wide_[part].resize(3 * stride_);
+        turned_A_[part].resize(6 * n);
+    }
+    own_.clear();
+    for (const TurnedJoints& of : turned) {
+        // W'HW with H symmetric, and of duals W'DW + F'HW + W'HF.
+        SmallMatrix<6> halves = transposed_product(of.by, 0.5 * own_products(of.joint, false));
+        if (parts > 1) halves = halves + transposed_product(of.along, own_products(of.joint, true));
+        const SmallMatrix<6> half = halves * of.by;
+        own_.push_back(half + transposed(half));
+        turn(of);
+    }
+    for (int i = 0; i < n; ++i) {
+        const auto path = mechanism_.path[i];
+        const bool by_itself = path.size() <= 3 && mechanism_.joints[path.front()].quaternion >= 0;
+        if (!by_itself) pair_products<true>(i);
+    }
+    for (std::size_t b = 0; b < turned.size(); ++b)
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j <= i; ++j) {
+                const std::size_t ij = (turned[b].joint + i) * pairs.stride + turned[b].joint + j;
+                pairs.qq[ij] = own_[b].aa(i, j);
+                pairs.vv[ij] = own_[b].bb(i, j);
+                pairs.v_q[ij] = own_[b].ba(i, j);
+                pairs.q_v[ij] = own_[b].ba(j, i);
+            }
+}
+
+// Second derivatives by three joints in a row, (q, v) twice: as `pairs` holds them, or of duals the values.
+template <class T>
+SmallMatrix<6> Lagrangian<T>::own_products(int joint, bool values) const
+    requires(!std::is_same_v<T, Lanes>)
+{
+    Products rows[3];
+    for (int i = 0; i < 3; ++i)
+        for (int part = 0; part < (values ? 1 : parts); ++part) {
+            const double* A = &AB_[values ? 0 : parts - 1 - part][(joint + i) * 12];
+            rows[i].add(*this, A, part, joint);
+            rows[i].add_weight(*this, A, part, joint);
+        }
+    using Row = SmallMatrix<3>::Row;
+    const auto lower = [](const Wide& x, const Wide& y, const Wide& z, const Wide& above_y, const Wide& above_z) {
+        return SmallMatrix<3>{
+            {Row{x[0], above_y[0], above_z[0], 0.0}, Row{y[0], y[1], above_z[1], 0.0}, Row{z[0], z[1], z[2], 0.0}}};
+    };
+    const auto &x = rows[0], &y = rows[1], &z = rows[2];
+    const SmallMatrix<3> v_by_q = lower(x.v_q, y.v_q, z.v_q, y.q_v, z.q_v);
+    return {lower(x.qq, y.qq, z.qq, y.qq, z.qq), transposed(v_by_q), v_by_q, lower(x.vv, y.vv, z.vv, y.vv, z.vv)};
+}
+
+template <class T>
+void Lagrangian<T>::turn(const TurnedJoints& of)
+    requires(!std::is_same_v<T, Lanes>)
+{
+    using Row = SmallMatrix<3>::Row;
+    const int at = of.joint;
+    // x and y of three joints, `apart` from each other: x v_v + y q_v, y q_q + x v_q, x q_q and x q_v.
+    struct Changed {
+        Row x{}, y{};
+        void add(const SmallMatrix<6>& by, const double* of_x, const double* of_y, double sign, std::size_t apart) {
+            for (int l = 0; l < 3; ++l) {
+                const double from_x = of_x[l * apart], from_y = sign * of_y[l * apart];
+                x += from_x * by.bb.rows[l] + from_y * by.ab.rows[l];
+                y += from_y * by.aa.rows[l] + from_x * by.ba.rows[l];
+            }
+        }
+    };
+    struct Weights {
+        Row q{}, v{};
+        void add(const SmallMatrix<6>& by, const double* from, std::size_t apart) {
+            for (int l = 0; l < 3; ++l) {
+                q += from[l * apart] * by.aa.rows[l];
+                v += from[l * apart] * by.ab.rows[l];
+            }
+        }
+    };
+    // Calls change(part, c, sum), sum(add) with every matrix and the part that it is times; derivatives first, of old values.
+    const auto each_part = [&](const auto& change) {
+        for (int part = parts - 1; part >= 0; --part)
+            for (int c = 0; c < 6; ++c)
+                change(part, c, [&](const auto& add) {
+                    add(of.by, part);
+                    if (part > 0) add(of.along, 0);
+                });
+    };
+    const auto put = [](const Row& of, double* to, std::size_t apart) {
+        for (int k = 0; k < 3; ++k) to[k * apart] = of[k];
+    };
+    const Mechanism& m = mechanism_;
+    const bool has_rows_behind = at + 3 < m.n_massive && m.joints[at + 3].parent >= at;
+    if (has_rows_behind)
+        each_part([&](int part, int c, const auto& sum) {
+            const std::size_t column = c * stride_ + at;
+            Changed columns;
+            Weights of_G;
+            sum([&](const SmallMatrix<6>& by, int from) {
+                columns.add(by, &S_wide_[from][column], &W_wide_[from][column], -1.0, 1);
+                if (c < 3) of_G.add(by, &G_wide_[from][column], 1);
+            });
+            put(columns.x, &S_wide_[part][column], 1);
+            put(-columns.y, &W_wide_[part][column], 1);
+            if (c >= 3) return;
+            put(of_G.q, &G_wide_[part][column], 1);
+            put(of_G.v, &turned_G_wide_[part][column], 1);
+        });
+    const bool has_columns_before = m.path[at].size() > 1;
+    if (has_columns_before)
+        each_part([&](int part, int c, const auto& sum) {
+            const std::size_t row = at * 12 + c, weight = at * 6 + c;
+            Changed rows;
+            Weights of_A;
+            sum([&](const SmallMatrix<6>& by, int from) {
+                rows.add(by, &AB_[from][row], &AB_[from][row + 6], 1.0, 12);
+                if (c < 3) of_A.add(by, &AB_[from][row], 12);
+            });
+            put(rows.x, &AB_[part][row], 12);
+            put(rows.y, &AB_[part][row + 6], 12);
+            if (c >= 3) return;
+            put(of_A.q, &turned_A_[part][weight], 6);
+            put(of_A.v, &turned_A_[part][weight + 3], 6);
+        });
 }
 
 template <class T>

@@ -17,10 +17,12 @@
 // Dual<double> the same sweep gives the third order along one direction, on HyperDual the fourth along two.
 #pragma once
 
+#include <span>
 #include <type_traits>
 #include <vector>
 
 #include "mechanism/mechanism.hpp"
+#include "numerics/small_matrix.hpp"
 
 namespace leastaction {
 
@@ -31,6 +33,17 @@ struct PairDerivatives {
     std::vector<double> vv, v_q, q_v, qq;  // L_vv, d(L_v[i])/dq_j, d(L_v[j])/dq_i, L_qq
 
     void resize(const Mechanism& mechanism);
+};
+
+// Three joints in a row, from `joint` on, whose coordinates and rates (rows) are functions of three other coordinates and
+// rates, by which second derivatives are taken instead; of duals also how that changes along their direction. Then
+//
+//   S' = S v_v - W q_v,   W' = W q_q - S v_q,   A' = A v_v + B q_v,   B' = B q_q + A v_q,
+//
+// and of L_qq, q_v, v_q and vv the terms -A_i.G_j are with A and G times q_q or q_v.
+struct TurnedJoints {
+    int joint;
+    SmallMatrix<6> by, along;
 };
 
 // The vectors above of one joint, component by component; G as [w x g; 0].
@@ -65,11 +78,8 @@ public:
         requires std::is_same_v<T, double>;
     // Second derivatives at the point of the last gradient, in `pairs`; for a dual scalar, their derivatives along the
     // direction.
-    void hessian()
+    void hessian(std::span<const TurnedJoints> turned = {})
         requires(!std::is_same_v<T, Lanes>);
-    // After hessian(): the second derivatives themselves by joint i and the joints [first, last), or a few more.
-    void pair_values(int i, int first, int last, PairDerivatives& out) const
-        requires std::is_same_v<T, Dual<double>>;
     std::size_t pairs_stride() const { return stride_; }  // of the planes in `pairs`, before they are made too
 
     // Adds what the gradient changes by where a joint's own body gets more inertia (in the frame of the joint, about its
@@ -107,7 +117,19 @@ private:
     std::vector<Part> AB_[parts];  // [A; B] by joint
     std::size_t stride_;
 
+    std::vector<double> turned_G_wide_[parts], turned_A_[parts];  // G q_v, and [A q_q; A q_v] by joint
+    std::vector<SmallMatrix<6>> own_;                             // of turned joints by themselves
+
+    // Eight products, or derivatives of products, of a row and the joints from j on.
+    struct Products;
+    template <bool turned>
     void pair_products(int i)
+        requires(!std::is_same_v<T, Lanes>);
+    void turned_products(std::span<const TurnedJoints> turned)
+        requires(!std::is_same_v<T, Lanes>);
+    SmallMatrix<6> own_products(int joint, bool values) const
+        requires(!std::is_same_v<T, Lanes>);
+    void turn(const TurnedJoints& of)
         requires(!std::is_same_v<T, Lanes>);
 };
 

@@ -16,7 +16,7 @@ import numpy as np
 
 import leastaction as la
 from leastaction import control, costs, identification, mechanics, optimal, starts, systems, viz
-from leastaction.control.bridge import gymnasium, jax
+from leastaction.control.bridge import gymnasium, jax, python_control, torch
 from leastaction.elements import JointForce, JointSpring, LinearSpring
 from leastaction.limits import Ball, FinalTime, Keep, Oriented, Parameter, Pointing
 from leastaction.numerics.arrays import Array
@@ -350,8 +350,12 @@ def optimal_calls(c: Case, folder: Path) -> dict[str, Callable[[], Any]]:
         "identify": lambda: identified(),
         "identify with a fixed start": lambda: identified(free_start=False),
         "play": lambda: la.play(system, (run.x, run.u)),
-        "environment": lambda: gymnasium.environment(system, **drawn).reset(),
-        "jax roll_out": lambda: jax.roll_out(system)(run.x[0], run.u),
+        "gymnasium.environment": lambda: gymnasium.environment(system, **drawn).reset(),
+        "gymnasium.vector_environment": lambda: gymnasium.vector_environment(system, 2, **drawn).reset(),
+        "jax.roll_out": lambda: jax.roll_out(system)(run.x[0], run.u),
+        "jax.optimum": lambda: jax.optimum(system, price, u=run.u)(run.x[0]).cost,
+        "torch.roll_out": lambda: torch.roll_out(system)(run.x[0], run.u),
+        "python_control.state_space": lambda: python_control.state_space(system, run.x[0], run.u[0]),
         "MechanismSystem": continuous,
         "tracking in continuous time": lambda: flowing(
             costs.tracking(la.MechanismSystem(m), {hinge: 1.0, "*.v": 0.1, f"{ball}.w*": 2.0}, {ball: rotation[0]})

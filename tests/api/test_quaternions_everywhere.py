@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from api import rotating
+from leastaction.control.bridge import gymnasium, jax, python_control, torch
 from leastaction.mechanics import Mechanism, MidpointVI, Trajectory
 
 CASES = {"carried by a hand": rotating.Case(rotating.carried), "floating": rotating.Case(rotating.floating)}
@@ -89,6 +90,13 @@ def test_all_that_is_public_is_asked() -> None:
         for name, _ in inspect.getmembers(kind, inspect.isfunction):
             if not name.startswith("_") and name not in asked | INNER:
                 missing.append(f"{owner}.{name}")
+    called = {".".join(name.split(".")[-2:]) for group in GROUPS.values() for name in group(CASES["floating"], Path())}
+    for module in (gymnasium, jax, python_control, torch):
+        place = module.__name__.rpartition(".")[2]
+        own = inspect.getmembers(module, lambda it, name=module.__name__: getattr(it, "__module__", "") == name)
+        names = [f"{place}.{name}" for name, it in own if not name.startswith("_") and _takes_a_mechanism(it)]
+        assert names
+        missing += [name for name in names if name not in called]
     assert not missing
 
 

@@ -10,6 +10,7 @@ import pytest
 import leastaction as la
 from leastaction import Damping, Gravity, Mechanism, MidpointSystem, MidpointVI, ball
 from leastaction.control.bridge.derivatives import BatchedSystem
+from leastaction.control.bridge.optimal_motion import OptimalMotion
 from leastaction.elements import JointForce
 from leastaction.numerics.differences import central_differences
 from optimal.spaces import INERTIA, Body
@@ -134,6 +135,29 @@ def test_jax_differentiates_a_mechanism_that_turns():
         for sign in (1.0, -1.0)
     ]
     assert float(slope) == pytest.approx(float(sides[0] - sides[1]) / (2 * h), rel=1e-6)
+
+
+@pytest.mark.parametrize("names", [(), ("top.mass", "damping.top.wx", "final time")], ids=["start", "parameters"])
+def test_an_optimum_follows_where_it_begins_and_parameters(names):
+    wanted, final = np.array([0.5, -0.5, 0.5, 0.5, 0.0, 0.0, 0.0]), [5.0, 4.0, 6.0, 1.0, 1.0, 1.0]
+    Q, R = [0.1, 0.2, 0.1, 1.0, 2.0, 1.0], [0.1, 0.2]
+    cost = la.QuadraticCost(wanted, np.zeros(2), Q=Q, R=R, Q_final=final, space=SYSTEM)
+    motion = OptimalMotion(SYSTEM, cost, names, None, {"tolerance": 1e-12})
+    at = np.array([0.6, 0.02, 0.4])[: len(names)]
+    x, u = motion.solve(X0, at)
+    np.testing.assert_array_equal(x[0], X0)
+    dx, du, dJ = motion.slopes(x, u, at)
+    assert dx.shape == (N + 1, 7, 7 + len(names))
+    z, h = np.concatenate([X0, at]), 1e-5
+    for j in range(len(z)):
+        step = h * np.eye(len(z))[j]
+        (x1, u1), (x2, u2) = (motion.solve(each[:7], each[7:]) for each in (z + step, z - step))
+        np.testing.assert_allclose(dx[:, :, j], (x1 - x2) / (2 * h), atol=1e-4 * np.abs(dx).max())
+        np.testing.assert_allclose(du[:, :, j], (u1 - u2) / (2 * h), atol=1e-4 * np.abs(du).max())
+        assert dJ[j] == pytest.approx(
+            (motion.value(x1, u1) - motion.value(x2, u2)) / (2 * h), abs=1e-4 * np.abs(dJ).max()
+        )
+    np.testing.assert_allclose(dx[1:, :, :4] @ X0[:4], 0.0, atol=1e-12)
 
 
 def test_torch_has_the_gradient_of_turns():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import leastaction as la
-from leastaction.control import ClosedLoop, close_loop, lqr
+from leastaction.control import ClosedLoop, close_loop, lqr, monte_carlo
 from leastaction.costs import tracking
 from leastaction.errors import ArgumentError
 from leastaction.mechanics import ContinuousDynamics, Feedback
@@ -228,3 +228,28 @@ def test_a_loop_of_no_mechanism_is_saved_and_is_nothing_to_be_shown(tmp_path: Pa
     assert len(plot_run(loop, reference=loop).axes) == 3  # two states and an input, in panels of their own
     with pytest.raises(ArgumentError, match="what a ClosedLoop has over time is no motion of a mechanism"):
         la.show(loop)
+
+
+def test_what_is_done_is_kept_where_ctrl_c_ends_a_loop() -> None:
+    def law(t: float, x: np.ndarray) -> list[float]:
+        if t > 0.49:
+            raise KeyboardInterrupt
+        return [float(np.sin(t))]
+
+    loop = la.simulate(plants()["steps"], {"theta": 0.3}, None, T, inputs=law, noise=1e-3)
+    assert loop.interrupted
+    assert str(loop).startswith("interrupted at t = 0.5 s of 2 s")
+    assert (len(loop.t), len(loop.x), len(loop.u), len(loop.y)) == (26, 26, 25, 26)
+    bands = monte_carlo(lambda rng: la.simulate(plants()["steps"], {}, None, T, inputs=law, noise=1e-3), 5)
+    assert (len(bands.x), bands.failures[0][0]) == (1, 0)
+
+    def stopped(rng: np.random.Generator) -> ClosedLoop:
+        if begun:
+            raise KeyboardInterrupt
+        begun.append(True)
+        return la.simulate(plants()["steps"], {"theta": 0.3}, None, T[:5], inputs=[0.0], noise=1e-3)
+
+    begun: list[bool] = []
+    assert len(monte_carlo(stopped, 5).x) == 1
+    with pytest.raises(KeyboardInterrupt):
+        monte_carlo(stopped, 5)

@@ -134,6 +134,7 @@ def monte_carlo(
     Returns
     -------
     LoopBands
+        Of fewer runs where Ctrl-C ended it.
 
     Raises
     ------
@@ -156,12 +157,20 @@ def monte_carlo(
     count, first = as_count(runs, "runs", 1), as_count(seed, "seed", 0)
     found: list[ClosedLoop] = []
     for i in range(count):
-        one = run(np.random.default_rng([first, i]))
+        try:
+            one = run(np.random.default_rng([first, i]))
+        except KeyboardInterrupt:
+            if not found:
+                raise
+            break
         if not isinstance(one, ClosedLoop):
             raise ArgumentError(f"run: got {type(one).__name__}, expected a function that returns a ClosedLoop")
         found.append(one)
+        if one.interrupted:
+            break
         if progress is not None:
             progress(i + 1, count)
+    count = len(found)
     longest = max(found, key=lambda each: len(each.t))
     x = np.full((count, *longest.x.shape), np.nan)
     u = np.full((count, *longest.u.shape), np.nan)

@@ -81,7 +81,7 @@ def close_loop(
     Returns
     -------
     ClosedLoop
-        Up to where the plant or the controller had no next step; it says why.
+        Up to where the plant or the controller had no next step, or Ctrl-C ended it; it says why.
 
     Raises
     ------
@@ -120,7 +120,6 @@ def close_loop(
     N, noise_root = len(times) - 1, _root(V)
     states, read = [at], list[Array]()
     inputs, estimates, surprise, infos = list[Array](), list[Array](), list[float](), list[Any]()
-    failure = None
 
     # Who is given readings for a state is given one: with rotations that noise has not lengthened.
     whole = measure is None and estimator is None
@@ -130,53 +129,64 @@ def close_loop(
         return of_unit_length(space, found) if whole else found
 
     read.append(reading(0, at))
-    for k in range(N):
-        now = float(times[k])
-        said: Any = None
-        try:
-            if estimator is None:
-                seen_now = read[max(0, k - late)]
-            else:
-                if k >= late:
-                    if k > late:
-                        estimator.predict(inputs[k - late - 1])
-                    estimator.correct(read[k - late])
-                seen_now = _ahead(estimator, inputs[max(0, k - late) :], max(0, k - late))
-                estimates.append(seen_now)
-                surprise.append(float(getattr(estimator, "surprise", np.nan)))
-            said = ask(now, seen_now)
-            u = as_array(said, f"inputs({now:g}, x)", (stood.system.nu,), names=stood.system.input_names)
-            if hasattr(controller, "info"):
-                infos.append(controller.info)
-            after = stood.step(at, u, k)
-        except LeastActionError as error:
-            if k == 0 and isinstance(error, ArgumentError) and np.shape(said) != (stood.system.nu,):
-                raise  # what does not fit from the start is no end of a loop
-            failure = f"the loop ended at t = {now:.6g} s: {error}"
-            break
-        if disturbance is not None:
-            if callable(disturbance):
-                off = as_array(
-                    disturbance(float(times[k + 1]), read_only(after)), "disturbance(t, x)", (stood.system.ndx,)
-                )
-            else:
-                assert root is not None
-                off = root @ pushed.standard_normal(len(root))
-            if off.any():
-                after = stood.system.moved_start(after, off)
-        if not np.isfinite(after).all():
-            failure = f"the loop ended at t = {times[k + 1]:.6g} s: the plant's state is not finite"
-            break
-        at = after
-        states.append(at)
-        inputs.append(u.copy())
-        read.append(reading(k + 1, at))
-    done = len(inputs)
+
+    def go(at: Array) -> str | None:
+        """Close the loop, up to where it ends; return why, if early."""
+        for k in range(N):
+            now = float(times[k])
+            said: Any = None
+            try:
+                if estimator is None:
+                    seen_now = read[max(0, k - late)]
+                else:
+                    if k >= late:
+                        if k > late:
+                            estimator.predict(inputs[k - late - 1])
+                        estimator.correct(read[k - late])
+                    seen_now = _ahead(estimator, inputs[max(0, k - late) :], max(0, k - late))
+                    estimates.append(seen_now)
+                    surprise.append(float(getattr(estimator, "surprise", np.nan)))
+                said = ask(now, seen_now)
+                u = as_array(said, f"inputs({now:g}, x)", (stood.system.nu,), names=stood.system.input_names)
+                if hasattr(controller, "info"):
+                    infos.append(controller.info)
+                after = stood.step(at, u, k)
+            except LeastActionError as error:
+                if k == 0 and isinstance(error, ArgumentError) and np.shape(said) != (stood.system.nu,):
+                    raise  # what does not fit from the start is no end of a loop
+                return f"the loop ended at t = {now:.6g} s: {error}"
+            if disturbance is not None:
+                if callable(disturbance):
+                    off = as_array(
+                        disturbance(float(times[k + 1]), read_only(after)), "disturbance(t, x)", (stood.system.ndx,)
+                    )
+                else:
+                    assert root is not None
+                    off = root @ pushed.standard_normal(len(root))
+                if off.any():
+                    after = stood.system.moved_start(after, off)
+            if not np.isfinite(after).all():
+                return f"the loop ended at t = {times[k + 1]:.6g} s: the plant's state is not finite"
+            at = after
+            states.append(at)
+            inputs.append(u.copy())
+            read.append(reading(k + 1, at))
+        return None
+
+    interrupted = False
+    try:
+        failure = go(at)
+    except KeyboardInterrupt:
+        interrupted, failure = True, "interrupted"
+    # Where it was interrupted the last step may be there in part.
+    done = min(len(inputs), len(states) - 1, len(read) - 1)
+    if interrupted:
+        failure = f"interrupted at t = {times[done]:.6g} s of {times[-1]:g} s"
     return ClosedLoop(
         read_only(times[: done + 1]),
-        read_only(np.array(states)),
-        read_only(np.array(inputs).reshape(done, stood.system.nu)),
-        read_only(np.array(read)),
+        read_only(np.array(states[: done + 1])),
+        read_only(np.array(inputs[:done]).reshape(done, stood.system.nu)),
+        read_only(np.array(read[: done + 1])),
         read_only(np.array(estimates[:done])) if estimator is not None else None,
         read_only(np.array(surprise[:done])) if estimator is not None else None,
         tuple(infos),
@@ -186,6 +196,7 @@ def close_loop(
         units_of(stood.system),
         tuple(readings.names),
         getattr(stood.system.told(), "mechanism", None),
+        interrupted,
     )
 
 

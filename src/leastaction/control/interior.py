@@ -100,10 +100,9 @@ class InteriorProgram:
         A, B = model.linear
         q, r, q_final = (np.ascontiguousarray(each, dtype=np.float64) for each in model.gradient)
         plain = model.plain
-        (Q, Q_diagonal), (R, R_diagonal) = _block(plain.Q), _block(plain.R)
         columns, part = (None, None) if plain.part is None else plain.part
         report = self.core.solve(
-            A, B, model.c.flat, tolerance, self.magnitude, most, Q=Q, Q_diagonal=Q_diagonal, R=R, R_diagonal=R_diagonal,
+            A, B, model.c.flat, tolerance, self.magnitude, most, Q=plain.Q, R=plain.R,
             S=None if plain.S is None else np.ascontiguousarray(plain.S), q=q, r=r,
             Q_final=np.ascontiguousarray(plain.Q_final), q_final=q_final, part=part,
             part_columns=None if columns is None else np.ascontiguousarray(columns, dtype=np.int64),
@@ -127,10 +126,3 @@ class InteriorProgram:
         for flat in self._kept:
             np.take(flat, self._later[steps], out=self._room, mode="clip")
             flat[:] = self._room
-
-
-def _block(weight: Array) -> tuple[Array, bool]:
-    """Return a weight in the layout of the core, and whether it is a diagonal."""
-    if weight.ndim == 3 and weight.shape[2] == 1:
-        return np.ascontiguousarray(weight[:, :, 0]), True
-    return np.ascontiguousarray(weight), weight.ndim == 1

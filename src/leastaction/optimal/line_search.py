@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import isfinite
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -109,8 +110,8 @@ class LineSearch:
 
     def _factor(self, rise: float, linear: float) -> float:
         """Return where the parabola through the refused trial has its minimum, within limits."""
-        if not np.isfinite(rise):
+        if not isfinite(rise):
             return self.beta
         least = 0.4 * self.beta
         parabola = -0.5 * linear / max(rise - linear, 1e-300)
-        return float(np.clip(parabola, least, self.beta))
+        return min(max(parabola, least), self.beta)

@@ -84,6 +84,8 @@ class ClosedLoop(Frozen, Savable):
         Of states and inputs by their names, where they are known.
     mechanism : Mechanism or None
         The plant's, where it is one.
+    interrupted : bool
+        Whether Ctrl-C ended it.
     """
 
     t: Array
@@ -99,6 +101,7 @@ class ClosedLoop(Frozen, Savable):
     units: Mapping[str, str] = field(default_factory=dict)
     reading_names: tuple[str, ...] = ()
     mechanism: Mechanism | None = field(default=None, repr=False, metadata={"recorded": False})
+    interrupted: bool = False
 
     @property
     def q(self) -> Array | None:

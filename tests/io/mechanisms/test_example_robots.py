@@ -28,7 +28,7 @@ MENDED = {
 
 
 @pytest.mark.parametrize("floating", [False, True], ids=["fixed", "free"])
-@pytest.mark.parametrize("file", FILES, ids=lambda file: "/".join(file.parts[-3:]))
+@pytest.mark.parametrize("file", FILES, ids=["/".join(file.parts[-3:]) for file in FILES])
 def test_dynamics_equal_those_of_pinocchio(file: Path, floating: bool) -> None:
     if file.name in NONE:
         with pytest.raises(ModelFileError, match=NONE[file.name]):

@@ -30,7 +30,7 @@ HOLDS_NONE = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: "/".join(file.parts[-4:]))
+@pytest.mark.parametrize("file", FILES, ids=["/".join(file.parts[-4:]) for file in FILES])
 def test_smooth_dynamics_equal_those_of_mujoco(file: Path) -> None:
     try:
         model = leastaction.load(file)

@@ -131,8 +131,8 @@ def optimum(
     callable
         ``best(x0) -> Optimum`` of an initial state (nx,), with parameters ``best(x0, values)``, values (P,). Its motion
         and its cost may be differentiated once, forward and backward, by the implicit function theorem: no search is
-        traced, whatever the number of its iterations. Where it ends in no optimum, or in one that is no strict
-        minimum, it is an error.
+        traced, whatever the number of its iterations. Rotations as in `roll_out`. Where it ends in no optimum, or in
+        one that is no strict minimum, it is an error.
 
     Raises
     ------
@@ -156,7 +156,7 @@ def optimum(
 
     def solved(x0: Any, values: Any) -> tuple[Any, ...]:
         x, inputs = motion.solve(x0, values)
-        return x, inputs, motion.cost.value(x, inputs)
+        return x, inputs, motion.value(x, inputs)
 
     @jax.custom_jvp  # type: ignore[untyped-decorator]
     def best(x0: Any, values: Any) -> Optimum:

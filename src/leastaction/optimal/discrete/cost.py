@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from copy import copy
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -208,7 +209,10 @@ class QuadraticCost(Cost):
 
     nonnegative = True
 
-    __getstate__, __setstate__ = saved_state, restore_state
+    __setstate__ = restore_state
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in saved_state(self).items() if name != "core"}
 
     def __init__(
         self,
@@ -249,6 +253,12 @@ class QuadraticCost(Cost):
         else:
             self.Q_final = as_weight(Q_final, "Q_final", nx, definite=False)
 
+    @cached_property
+    def core(self) -> _core.QuadraticCost:
+        """The squares of what states, or differences of states, and inputs are off by."""
+        x_wanted = self.x_wanted if self.space is None else np.zeros(self.space.ndx)
+        return _core.QuadraticCost(x_wanted, self.u_wanted, self.Q, self.R, self.Q_final)
+
     def _spread_over(self, N: int) -> None:
         """Take constants for what is wanted at each of N steps."""
         self.x_wanted = np.broadcast_to(self.x_wanted, (N + 1, self.x_wanted.shape[-1]))
@@ -275,21 +285,17 @@ class QuadraticCost(Cost):
                 )
 
     def stage_values(self, x: Array, u: Array, start: int) -> Array:
-        part = slice(start, start + len(u))
-        x_wanted, u_wanted = self.x_wanted, self.u_wanted
-        if self._steps:
-            x_wanted, u_wanted = x_wanted[part], u_wanted[part]
         if self.space is not None:
-            x, x_wanted = self.space.difference(x, x_wanted), np.zeros(self.space.ndx)
+            wanted = self.x_wanted[start : start + len(u)] if self._steps else self.x_wanted
+            x = self.space.difference(x, wanted)
         values: Array = empty((len(u),))
-        _core.quadratic_stages(x, x_wanted, _stages(self.Q, part), u, u_wanted, _stages(self.R, part), values)
+        self.core.stages(x, u, start, values)
         return values
 
     def final_value(self, x: Array) -> float:
-        wanted = self.x_wanted[-1] if self._steps else self.x_wanted
         if self.space is not None:
-            x, wanted = self.space.difference(x, wanted), np.zeros(self.space.ndx)
-        return _core.quadratic_final(x, wanted, self.Q_final)
+            x = self.space.difference(x, self.x_wanted[-1] if self._steps else self.x_wanted)
+        return self.core.last(x)
 
     def gradient(self, x: Array, u: Array) -> CostGradient:
         if self.space is not None:
@@ -297,7 +303,7 @@ class QuadraticCost(Cost):
             return CostGradient(stages.gradient, weigh(self.R, u - self.u_wanted), last.gradient[0])
         n = x.shape[1]
         found = CostGradient(empty((len(u), n)), empty(u.shape), empty((n,)))
-        _core.quadratic_gradient(x, self.x_wanted, self.Q, self.Q_final, u, self.u_wanted, self.R, *found)
+        self.core.gradient(x, u, *found)
         return found
 
     def hessian(self, x: Array, u: Array) -> CostHessian:  # noqa: ARG002

@@ -241,7 +241,6 @@ def recursion(
     """
     K, C, b, P0 = workspace.K, workspace.C, workspace.b, workspace.P0
     P, factors = workspace.keep() if keep_P else (None, None)
-    (Q, Q_diagonal), (R, R_diagonal) = _block(Q), _block(R)
     columns, matrices = (None, None) if part is None else part
     report = _core.solve_linear_quadratic(
         A,
@@ -253,9 +252,7 @@ def recursion(
         P,
         factors,
         Q=Q,
-        Q_diagonal=Q_diagonal,
         R=R,
-        R_diagonal=R_diagonal,
         S=S,
         H=H,
         H_scale=H_scale,
@@ -464,7 +461,7 @@ def adjoint_along(
         _core.sweep_adjoint(A, B, K, *gradient, z, pattern, by_inputs)
     except (AttributeError, TypeError, ValueError):
         return adjoint(A, B, K, *gradient, pattern=pattern)
-    return z if isfinite(np.add.reduce(z[0])) else adjoint(A, B, K, *gradient, pattern=pattern)
+    return z if isfinite(z[0].dot(z[0])) else adjoint(A, B, K, *gradient, pattern=pattern)
 
 
 def _dynamics(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:
@@ -549,15 +546,6 @@ def _weight(value: ArrayLike | None, name: str, N: int, n: int, *, per_stage: bo
     if per_stage:
         shapes += [(N, n, 1), (N, n, n)]
     return _optional(value, name, *shapes)
-
-
-def _block(weight: Array | None) -> tuple[Array | None, bool]:
-    """Return a weight in the layout of the core, and whether it is a diagonal."""
-    if weight is None:
-        return None, False
-    if weight.ndim == 3 and weight.shape[2] == 1:
-        return weight.reshape(weight.shape[:2]), True
-    return weight, weight.ndim == 1
 
 
 _SOLVED, _NOT_FINITE = _core.LinearQuadraticStatus.solved, _core.LinearQuadraticStatus.not_finite

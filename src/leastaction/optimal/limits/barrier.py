@@ -17,7 +17,7 @@ duals: its minimum is a direction of descent.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -37,6 +37,22 @@ class Split(NamedTuple):
     value: float = np.nan
 
 
+class Halves(Protocol):
+    """Slack, excess and barriers of limits, whatever else is known of them: as of `Split`."""
+
+    @property
+    def slack(self) -> Array:
+        """Their slack (n,)."""
+
+    @property
+    def excess(self) -> Array:
+        """Their excess (n,)."""
+
+    @property
+    def value(self) -> float:
+        """The sum of their barriers."""
+
+
 def split(c: Array, mu: float, rho: Array) -> Split:
     """Return slack and excess of the values of limits.
 
@@ -53,20 +69,20 @@ def split(c: Array, mu: float, rho: Array) -> Split:
     return Split(slack, excess, _core.barrier_split(c, mu, rho, slack, excess))
 
 
-def stiffness(part: Split, rho: Array, y: Array) -> Array:
+def stiffness(part: Halves, rho: Array, y: Array) -> Array:
     """Return ``-dy/dc`` of the primal-dual model at the duals y."""
     out: Array = empty(y.shape)
     _core.barrier_stiffness(part.slack, part.excess, rho, y, out)
     return out
 
 
-def off_center(part: Split, rho: Array, y: Array) -> float:
+def off_center(part: Halves, rho: Array, y: Array) -> float:
     """Return the largest product of a dual with its slack, or of what its price has left with its excess."""
     return _core.barrier_off_center(part.slack, part.excess, rho, y)
 
 
 def barrier_step(
-    c: Array, part: Split, mu: float, rho: Array, y: Array, dc: Array, *, fall: float, least: float, length: float
+    c: Array, part: Halves, mu: float, rho: Array, y: Array, dc: Array, *, fall: float, least: float, length: float
 ) -> float:
     """Return where along a direction the model is least that has the barriers themselves in place of their models.
 
@@ -76,7 +92,7 @@ def barrier_step(
     return _core.barrier_step(c, part.slack, part.excess, mu, rho, y, dc, fall, least, length)
 
 
-def barrier_along(part: Split, mu: float, rho: Array, y: Array, dc: Array) -> tuple[float, float]:
+def barrier_along(part: Halves, mu: float, rho: Array, y: Array, dc: Array) -> tuple[float, float]:
     """Return by how much the barriers fall along a direction, to first order, and the stiffness along it."""
     return _core.barrier_along(part.slack, part.excess, mu, rho, y, dc)
 
@@ -85,7 +101,7 @@ class Point(NamedTuple):
     """Where limits are: their values, how these are split, and their duals."""
 
     c: Array
-    part: Split
+    part: Halves
     y: Array
 
 
@@ -113,7 +129,7 @@ def first_duals(barrier: Array, rho: Array) -> Array:
     return out
 
 
-def moved_duals(part: Split, mu: float, rho: Array, y: Array, dc: Array, after: Split) -> Array:
+def moved_duals(part: Halves, mu: float, rho: Array, y: Array, dc: Array, after: Halves) -> Array:
     """Return duals y after a step of theirs along dc that stays inside of (0, rho), and not too far from the barrier's.
 
     ``after``: slack and excess where it leads to.

@@ -85,7 +85,7 @@ class LimitedCost:
 
     def check(self, c: Sided, when: Callable[[int], str]) -> None:
         """Complain about values along the motion to start from that are no numbers; see `Rows.check_values`."""
-        if not isfinite(float(np.add.reduce(c.flat))):
+        if not isfinite(c.flat.dot(c.flat)):
             for rows, values in zip(self.rows, c, strict=True):
                 rows.check_values(values, when)
 
@@ -99,7 +99,7 @@ class LimitedCost:
         """Return the gradient of the cost less the duals times the limits, given that of the cost."""
         q, r, q_final = gradient
         r = self.of_inputs.pulled(duals, r)
-        if self.others or self.of_states.places.size:
+        if self.others or self.of_states.core is not None:
             whole = empty((len(q) + 1, self.nx))
             whole[:-1], whole[-1] = q, q_final
             whole = self.of_states.pulled(duals, whole)

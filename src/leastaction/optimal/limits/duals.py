@@ -24,7 +24,6 @@ from leastaction.optimal.limits.barrier import (
     first_duals,
     moved_duals,
     off_center,
-    split,
     stiffness,
 )
 from leastaction.optimal.limits.leeway import Leeway
@@ -64,13 +63,15 @@ class LimitSide:
 
 
 class Room(NamedTuple):
-    """The values ``c`` of all sides somewhere, and ``part``, how each is split into slack and excess there.
+    """The values ``c`` of all sides somewhere, how they are split there, and the sum of their barriers.
 
-    It is that of a parameter of the barrier and of prices.
+    It is that of a parameter of the barrier and of prices; see `Split`.
     """
 
     c: Sided
-    part: Split
+    slack: Array
+    excess: Array
+    value: float
 
 
 class Duals:
@@ -130,25 +131,21 @@ class Duals:
 
     def room(self, c: Sided) -> Room:
         """Return slack and excess of values of all sides."""
-        return Room(c, split(c.flat, self.mu, self.prices))
-
-    def barrier(self, room: Room) -> float:
-        """Return the sum of the barriers."""
-        return room.part.value
+        slack, excess = empty(c.flat.shape), empty(c.flat.shape)
+        return Room(c, slack, excess, _core.barrier_split(c.flat, self.mu, self.prices, slack, excess))
 
     def of_barrier(self, room: Room) -> Sided:
         """Return the duals of the barriers themselves, ``mu / s``."""
-        slack = room.part.slack
-        return Sided(np.divide(self.mu, slack, out=empty(slack.shape)), self.layout)
+        return Sided(np.divide(self.mu, room.slack, out=empty(room.slack.shape)), self.layout)
 
     def stiffnesses(self, room: Room, most: float = np.inf) -> Sided:
         """Return ``-dy/dc`` of the primal-dual model, at most so much of the largest that may be, ``rho^2 / mu``."""
-        sigma = stiffness(room.part, self.prices, self.y.flat)
+        sigma = stiffness(room, self.prices, self.y.flat)
         return Sided(sigma if most == np.inf else np.minimum(sigma, most / self.mu * self.prices**2), self.layout)
 
     def moved(self, room: Room, dc: Sided, after: Room) -> Sided:
         """Return the duals moved along their own direction, after a step along dc from one place to another."""
-        moved = moved_duals(room.part, self.mu, self.prices, self.y.flat, dc.flat, after.part)
+        moved = moved_duals(room, self.mu, self.prices, self.y.flat, dc.flat, after)
         return Sided(moved, self.layout)
 
     def step(self, room: Room, dc: Sided, fall: float, least: float, length: float) -> float:
@@ -158,14 +155,14 @@ class Duals:
         at its end. ``length``: where to look no further.
         """
         return barrier_step(
-            room.c.flat, room.part, self.mu, self.prices, self.y.flat, dc.flat, fall=fall, least=least, length=length
+            room.c.flat, room, self.mu, self.prices, self.y.flat, dc.flat, fall=fall, least=least, length=length
         )
 
     def kept_near(self, y: Array, after: Room) -> Sided:
         """Return duals that are not too far from those of the barrier."""
         slack, excess = np.divide(self.mu, y, out=empty(y.shape)), empty(y.shape)
         excess.fill(1.0)
-        moved = moved_duals(Split(slack, excess), self.mu, self.prices, y, zeros(y.shape), after.part)
+        moved = moved_duals(Split(slack, excess), self.mu, self.prices, y, zeros(y.shape), after)
         return Sided(moved, self.layout)
 
     def settle_prices(self) -> None:
@@ -180,20 +177,20 @@ class Duals:
 
         From there a much smaller barrier can be followed.
         """
-        return off_center(room.part, self.prices, self.y.flat) <= _CENTRAL * self.mu
+        return off_center(room, self.prices, self.y.flat) <= _CENTRAL * self.mu
 
     def gap(self, room: Room) -> float:
         """Return what duals times room come to where that is more than the barriers ask for; not of equations.
 
         By so much the cost may still fall, whatever is said by the Lagrangian of these duals alone.
         """
-        products = (self.y.flat * room.part.slack)[~self._in_equations]
+        products = (self.y.flat * room.slack)[~self._in_equations]
         return float(products[products > _CENTRAL * self.mu].sum())
 
     def settled(self, duals: Sided, room: Room) -> Sided:
         """Return duals; where they have not come near those of the barrier, these."""
         settled = self.layout.empty()
-        _core.settle_duals(duals.flat, room.part.slack, self.mu, settled.flat)
+        _core.settle_duals(duals.flat, room.slack, self.mu, settled.flat)
         return settled
 
     def excess(self, c: Sided) -> float:

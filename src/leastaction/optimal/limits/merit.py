@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import isfinite
 
 import numpy as np
 
@@ -110,11 +111,11 @@ class BarrierMerit(Merit):
         return self.plain_value()
 
     def guide(self, x: Array, u: Array) -> float:
-        return self.duals.barrier(self.duals.room(self.limited.limits(x, u)))
+        return self.duals.room(self.limited.limits(x, u)).value
 
     def value(self) -> float:
         """Return the cost with the barriers, at the iterate."""
-        return self.plain_value() + self.duals.barrier(self.room())
+        return self.plain_value() + self.room().value
 
     def limits(self) -> Sided:
         """Return the values of all rows at the iterate, with the leeway of this stage."""
@@ -247,7 +248,7 @@ class BarrierMerit(Merit):
             return min(length, 1.0)  # further than its end the model rises
         if direction.limited is None:
             return length
-        if length <= 1.0 and np.isfinite(direction.reach):
+        if length <= 1.0 and isfinite(direction.reach):
             return min(length, direction.reach)
         dc = Sided(direction.limited, self.limited.layout)
         fall, least = direction.slope, 0.5 * direction.slope
@@ -270,7 +271,7 @@ class BarrierMerit(Merit):
     ) -> Trial[Iterate] | Refusal:
         found, cost = trial
         room = self.duals.room(self.limited.limits(found.x, found.u))
-        total = cost + self.duals.barrier(room)
+        total = cost + room.value
         if not total <= bound:
             reason = f"a cost with barriers of {total:.10g}, where at most {bound:.10g} was wanted"
             return explain(found.x, Refusal(reason, cost=total))

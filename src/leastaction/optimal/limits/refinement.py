@@ -47,7 +47,7 @@ class _Model:
 
     def __init__(self, duals: Duals, room: Room) -> None:
         self.mu, self.rho, self.layout = duals.mu, duals.prices, duals.layout
-        self.begin = Point(room.c.flat, room.part, duals.y.flat)
+        self.begin = Point(room.c.flat, room, duals.y.flat)
 
     def gained(self, at: Point, cost: float) -> float:
         """Return by how much M is less at a point than where it begins; ``cost``: the change of m."""

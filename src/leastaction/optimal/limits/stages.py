@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from math import sqrt
 
 import numpy as np
 
@@ -148,7 +149,7 @@ class BarrierStages:
         if self._asks_for_the_least(c):
             return max(goal, _NEARLY * self.duals.cost_of_excess(c))
         if mu > self.last:
-            many = 1.0 if self.is_near_end else float(np.sqrt(max(1.0, self.count / _MANY)))
+            many = 1.0 if self.is_near_end else sqrt(max(1.0, self.count / _MANY))
             # From near the duals of the barrier a much smaller one can be followed.
             loose = not self._rough and self.duals.are_central(room)
             return max(goal, (_LOOSE if loose else _TIGHT) * many * mu)

@@ -22,8 +22,9 @@ _COARSE = (
 _BARRED = "The cost falls towards motions in which a step of time has no solution, and the search ended before one."
 _RESOLVED = 0.5
 
-# Iterations by which the speed of a run is told, and the part of the expected decrease that each of a fast one leaves.
-_LOOKED_BACK, _FAST = 10, 0.9
+# Iterations by which the speed of a run is told, at most and at least; the part of the expected decrease that each of a
+# fast one leaves.
+_LOOKED_BACK, _TELLING, _FAST = 10, 3, 0.9
 
 
 @dataclass(frozen=True)
@@ -91,14 +92,16 @@ def outlook(run: Run, direction: Direction) -> str:
     if run.problem.stages.unfinished:
         return ""
     expected, goal = -direction.slope, run.goal
-    where = run.problem.report.where(direction)
-    most = f"; most of it is that of {where}." if where else "."
-    begins = f"The expected decrease is still {expected:.2g}, where {goal:.2g} is asked for{most}"
+    begins = f"The expected decrease is still {expected:.2g}, where {goal:.2g} is asked for"
     costs = run.history.cost[-1 - _LOOKED_BACK :]
+    count = len(costs) - 1
+    if count < _TELLING:
+        return f"{begins}."
+    where = run.problem.report.where(direction)
+    begins += f"; most of it is that of {where}." if where else "."
     fall = (costs[0] - costs[-1]) / max(abs(costs[-1]), 1e-300)
     if not fall > 0.0:
         return begins
-    count = len(costs) - 1
     before = run.history.expected_decreases[-count]
     # Among barriers a refined direction may be expected to gain nothing, and lower the cost all the same.
     rate = (expected / before) ** (1.0 / count) if expected > 0.0 < before else inf

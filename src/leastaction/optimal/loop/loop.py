@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from math import inf, nan
 from types import MappingProxyType
 from typing import Any
-
-import numpy as np
 
 from leastaction.errors import LeastActionError
 from leastaction.numerics.frozen import changed, made
@@ -54,7 +53,7 @@ class Loop:
         try:
             outcome = None
             if not self.progress.history.cost:
-                outcome = self._tell(None, None, np.nan, self.progress.problem.report.note)
+                outcome = self._tell(None, None, nan, self.progress.problem.report.note)
             while outcome is None or self.stages.go_on(outcome):
                 self.stages.look()
                 outcome = self._advance()
@@ -69,15 +68,15 @@ class Loop:
         """Make one iteration; the outcome if it was the last."""
         run = self.progress
         notes: list[str] = []
-        expected = promised = np.nan
+        expected, promised = nan, -inf
         shifted = run.schedule.shift > 0.0
         refusal = None
         try:
             for direction in self.directions.each(notes):
                 expected = -direction.slope
                 # Of ever larger shifts little can be expected, wherever it stands; of the identity as a model, all.
-                if direction.method != "steepest" or np.isnan(promised):
-                    promised = np.fmax(promised, expected)
+                if direction.method != "steepest" or promised == -inf:
+                    promised = max(promised, expected)
                 if run.history.iterations >= run.limit:
                     return Outcome(Status.ITERATION_LIMIT, outlook(run, direction), expected)
                 direction = run.problem.models.refined(direction, holds=run.schedule.holds)
@@ -140,8 +139,8 @@ class Loop:
             iteration=run.history.iterations + (direction is not None),
             method="start" if direction is None else direction.method,
             cost=problem.report.shown,
-            expected_decrease=np.nan if direction is None else -direction.slope,
-            step_length=np.nan if step is None else step.length,
+            expected_decrease=nan if direction is None else -direction.slope,
+            step_length=nan if step is None else step.length,
             rollouts=problem.report.rollouts if step is None else step.rollouts,
             curvature_scale=0.0 if direction is None else direction.curvature_scale,
             note=note,

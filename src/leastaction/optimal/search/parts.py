@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -139,7 +140,7 @@ class SearchParts:
             made = projection_of(self.models, still, u, zeros((N, nu, ndx)))
             x = made.x
         self.stand_along(x, u, made)
-        if not np.isfinite(self.here.value):
+        if not isfinite(self.here.value):
             raise ProjectionError(
                 f"initial: the cost of the initial trajectory is {self.here.value}, expected a finite "
                 "number. Look at the cost's weights and wanted motion."
