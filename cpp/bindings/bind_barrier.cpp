@@ -27,51 +27,79 @@ Barrier barrier_of(double mu, const Values& rho, const Arrays&... others) {
     return {static_cast<std::ptrdiff_t>(rho.size()), mu, rho.data()};
 }
 
-double split(const Values& c, double mu, const Values& rho, const Result& slack, const Result& excess) {
-    return barrier_of(mu, rho, c, slack, excess).split(c.data(), slack.data(), excess.data());
-}
-
-void stiffness(const Values& slack, const Values& excess, const Values& rho, const Values& y, const Result& out) {
-    barrier_of(0.0, rho, slack, excess, y, out).stiffness(slack.data(), excess.data(), y.data(), out.data());
-}
-
-void move_duals(const Values& slack, const Values& excess, double mu, const Values& rho, const Values& y,
-                const Values& dc, const Values& slack_after, const Result& out) {
-    barrier_of(mu, rho, slack, excess, y, dc, slack_after, out)
-        .move_duals(slack.data(), excess.data(), y.data(), dc.data(), slack_after.data(), out.data());
-}
-
-double off_center(const Values& slack, const Values& excess, const Values& rho, const Values& y) {
-    return barrier_of(0.0, rho, slack, excess, y).off_center(slack.data(), excess.data(), y.data());
-}
-
 void first_duals(const Values& barrier, const Values& rho, const Result& out) {
     barrier_of(0.0, rho, barrier, out);
     for (std::size_t i = 0; i < rho.size(); ++i) out.data()[i] = first_multiplier(barrier.data()[i], rho.data()[i]);
 }
 
-double step(const Values& c, const Values& slack, const Values& excess, double mu, const Values& rho, const Values& y,
-            const Values& dc, double fall, double least, double length) {
-    return barrier_of(mu, rho, c, slack, excess, y, dc)
-        .step(c.data(), slack.data(), excess.data(), y.data(), dc.data(), fall, least, length);
-}
+// The values of limits somewhere, and how they are split into slack and excess there.
+class Room {
+public:
+    Room(const Values& c, double mu, const Values& rho) : Room(std::vector(c.data(), c.data() + c.size()), mu, rho) {}
 
-std::pair<double, double> along(const Values& slack, const Values& excess, double mu, const Values& rho,
-                                const Values& y, const Values& dc) {
-    const auto found =
-        barrier_of(mu, rho, slack, excess, y, dc).along(slack.data(), excess.data(), y.data(), dc.data());
-    return {found.fall, found.stiff};
-}
+    double value() const { return value_; }
+    nb::ndarray<nb::numpy, const double> slack() const { return view(slack_); }
+    nb::ndarray<nb::numpy, const double> excess() const { return view(excess_); }
+    nb::ndarray<nb::numpy, const double> values() const { return view(c_); }
 
-std::pair<double, double> advance(const Values& c, const Values& slack, const Values& excess, double mu,
-                                  const Values& rho, const Values& y, const Values& dc, double fall, double bend,
-                                  const Result& c_after, const Result& slack_after, const Result& excess_after,
-                                  const Result& y_after) {
-    const Barrier barrier = barrier_of(mu, rho, c, slack, excess, y, dc, c_after, slack_after, excess_after, y_after);
-    const auto found = barrier.advance({c.data(), slack.data(), excess.data(), y.data()}, dc.data(), fall, bend,
-                                       {c_after.data(), slack_after.data(), excess_after.data(), y_after.data()});
-    return {found.length, found.value};
-}
+    void duals(const Result& out) const {
+        with(out);
+        for (std::size_t i = 0; i < slack_.size(); ++i) out.data()[i] = mu_ / slack_[i];
+    }
+    void stiffness(const Values& y, const Result& out) const {
+        with(y, out).stiffness(slack_.data(), excess_.data(), y.data(), out.data());
+    }
+    double off_center(const Values& y) const { return with(y).off_center(slack_.data(), excess_.data(), y.data()); }
+    void move_duals(const Values& y, const Values& dc, const Room& after, const Result& out) const {
+        with(y, dc, out, after.rho_)
+            .move_duals(slack_.data(), excess_.data(), y.data(), dc.data(), after.slack_.data(), out.data());
+    }
+    void keep_duals(const Values& y, const Result& out) const {
+        const std::vector<double> still(y.size(), 0.0), excess(y.size(), 1.0);
+        std::vector<double> slack(y.size());
+        for (std::size_t i = 0; i < slack.size(); ++i) slack[i] = mu_ / y.data()[i];
+        with(y, out).move_duals(slack.data(), excess.data(), y.data(), still.data(), slack_.data(), out.data());
+    }
+    void settle_duals(const Values& y, const Result& out) const {
+        with(y, out);
+        settle_multipliers(static_cast<std::ptrdiff_t>(y.size()), y.data(), slack_.data(), mu_, out.data());
+    }
+    double step(const Values& y, const Values& dc, double fall, double least, double length) const {
+        return with(y, dc).step(c_.data(), slack_.data(), excess_.data(), y.data(), dc.data(), fall, least, length);
+    }
+    std::pair<double, double> along(const Values& y, const Values& dc) const {
+        const auto found = with(y, dc).along(slack_.data(), excess_.data(), y.data(), dc.data());
+        return {found.fall, found.stiff};
+    }
+    std::pair<Room, double> advance(const Values& y, const Values& dc, double fall, double bend,
+                                    const Result& y_after) const {
+        Room to = *this;
+        const auto found = with(y, dc, y_after)
+                               .advance({c_.data(), slack_.data(), excess_.data(), y.data()}, dc.data(), fall, bend,
+                                        {to.c_.data(), to.slack_.data(), to.excess_.data(), y_after.data()});
+        to.value_ = found.value;
+        return {std::move(to), found.length};
+    }
+
+private:
+    Room(std::vector<double> c, double mu, const Values& rho)
+        : c_(std::move(c)), slack_(c_.size()), excess_(c_.size()), mu_(mu), rho_(rho) {
+        expect(rho.size(), c_.size(), "prices of limits");
+        value_ = with().split(c_.data(), slack_.data(), excess_.data());
+    }
+    template <class... Arrays>
+    Barrier with(const Arrays&... others) const {
+        return barrier_of(mu_, rho_, others...);
+    }
+    static nb::ndarray<nb::numpy, const double> view(const std::vector<double>& of) {
+        const std::size_t size = of.size();
+        return {of.data(), 1, &size, nb::handle()};
+    }
+
+    std::vector<double> c_, slack_, excess_;
+    double mu_, value_ = 0.0;
+    Values rho_;
+};
 
 using Places = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
@@ -129,11 +157,6 @@ void active(const Places& column, const Values& scale, const Values& y, double l
     within(column, scale.size(), "column");
     find_active(static_cast<std::ptrdiff_t>(y.size()), static_cast<std::ptrdiff_t>(scale.size()), column.data(),
                 scale.data(), y.data(), least, hardly, out.data());
-}
-
-void settle(const Values& y, const Values& slack, double mu, const Result& out) {
-    for (const std::size_t size : {slack.size(), out.size()}) expect(size, y.size(), "of entries");
-    settle_multipliers(static_cast<std::ptrdiff_t>(y.size()), y.data(), slack.data(), mu, out.data());
 }
 
 using Rows = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
@@ -210,21 +233,27 @@ void add_rows(const In<3>& J, const In<2>& sigma, const std::optional<In<3>>& be
 }  // namespace
 
 void bind_barrier(nb::module_& m) {
-    m.def("barrier_split", &split, "c"_a, "mu"_a, "rho"_a, "slack"_a, "excess"_a,
-          "Writes slack and excess, and returns the sum of the barriers.");
-    m.def("barrier_stiffness", &stiffness, "slack"_a, "excess"_a, "rho"_a, "y"_a, "out"_a,
-          "Writes -dy/dc of the primal-dual model.");
-    m.def("barrier_move_duals", &move_duals, "slack"_a, "excess"_a, "mu"_a, "rho"_a, "y"_a, "dc"_a, "slack_after"_a,
-          "out"_a, "Writes duals after a step along dc.");
-    m.def("barrier_step", &step, "c"_a, "slack"_a, "excess"_a, "mu"_a, "rho"_a, "y"_a, "dc"_a, "fall"_a, "least"_a,
-          "length"_a, "Where along a direction the model with the barriers themselves is least.");
-    m.def("barrier_along", &along, "slack"_a, "excess"_a, "mu"_a, "rho"_a, "y"_a, "dc"_a,
-          "How the barriers fall along a direction, and the stiffness along it.");
-    m.def("barrier_advance", &advance, "c"_a, "slack"_a, "excess"_a, "mu"_a, "rho"_a, "y"_a, "dc"_a, "fall"_a, "bend"_a,
-          "c_after"_a, "slack_after"_a, "excess_after"_a, "y_after"_a,
-          "Goes to where that model is least; returns how far it is, and the sum of the barriers there.");
-    m.def("barrier_off_center", &off_center, "slack"_a, "excess"_a, "rho"_a, "y"_a,
-          "The largest product of a dual and its slack, or of what its price has left and its excess.");
+    const auto here = nb::rv_policy::reference_internal;
+    nb::class_<Room>(m, "Room", "The values of limits somewhere, split into slack and excess: c = slack - excess.")
+        .def(nb::init<const Values&, double, const Values&>(), "c"_a, "mu"_a, "rho"_a)
+        .def_prop_ro("value", &Room::value, "The sum of the barriers.")
+        .def_prop_ro("c", &Room::values, here)
+        .def_prop_ro("slack", &Room::slack, here)
+        .def_prop_ro("excess", &Room::excess, here)
+        .def("duals", &Room::duals, "out"_a, "Writes the duals of the barriers.")
+        .def("stiffness", &Room::stiffness, "y"_a, "out"_a, "Writes -dy/dc of the primal-dual model.")
+        .def("off_center", &Room::off_center, "y"_a,
+             "The largest product of a dual and its slack, or of what its price has left and its excess.")
+        .def("move_duals", &Room::move_duals, "y"_a, "dc"_a, "after"_a, "out"_a, "Writes duals after a step along dc.")
+        .def("keep_duals", &Room::keep_duals, "y"_a, "out"_a, "Writes duals that are near those of the barriers.")
+        .def("settle_duals", &Room::settle_duals, "y"_a, "out"_a,
+             "Writes duals, or those of the barrier where they have not come near them.")
+        .def("step", &Room::step, "y"_a, "dc"_a, "fall"_a, "least"_a, "length"_a,
+             "Where along a direction the model with the barriers themselves is least.")
+        .def("along", &Room::along, "y"_a, "dc"_a,
+             "How the barriers fall along a direction, and the stiffness along it.")
+        .def("advance", &Room::advance, "y"_a, "dc"_a, "fall"_a, "bend"_a, "y_after"_a,
+             "The room where that model is least, and how far that is; writes the duals there.");
     m.def("barrier_first_duals", &first_duals, "barrier"_a, "rho"_a, "out"_a,
           "Writes duals to begin with, given those of the barrier.");
     m.def(
@@ -238,8 +267,6 @@ void bind_barrier(nb::module_& m) {
           "The largest product of an entry and the scale of its column; 0 where none is positive.");
     m.def("active_limits", &active, "column"_a, "scale"_a, "y"_a, "least"_a, "hardly"_a, "out"_a,
           "Writes which entries hold the motion back.");
-    m.def("settle_duals", &settle, "y"_a, "slack"_a, "mu"_a, "out"_a,
-          "Writes duals, or those of the barrier where they have not come near them.");
     nb::class_<EntryRows>(m, "EntryRows", "Limits that are entries of states or inputs, times factors.")
         .def(nb::init<const Places&, const Values&, const Values&, const Places&>(), "places"_a, "factors"_a,
              "bounds"_a, "at"_a)

@@ -210,7 +210,8 @@ bool MidpointStep::follow(double from, double to, double dt) {
         if (!done && corrections > 0 && !(size <= contraction * contraction * last)) return false;
         last = size;
         if (done || corrections == 2) {
-            const double s = determinant_ratio(to);
+            evaluate(to);
+            const double s = judge_here(to);  // at the solution: where it begins s may have its other sign
             if (!(std::abs(s) > 0)) return false;
             const bool crosses = (s < 0) != (path_s_ < 0);
             const double turn = s_is_by_constraints_ ? straight : straight_past_infinity;
@@ -255,7 +256,8 @@ StepReport MidpointStep::follow_from_limit(double dt, const StepReport& first) {
         last.factorizations += first.factorizations;
         last.followed = true;
         // With the matrix of the solution, which the next step starts from.
-        last.s = last.status == StepStatus::converged ? judge_here(dt) : path_s_;
+        const bool moved = last.status == StepStatus::converged && last.iterations > first.iterations;
+        last.s = moved ? judge_here(dt) : path_s_;
         const bool sound = std::isfinite(last.s) && (last.s < 0) == (path_s_ < 0);
         if (sound) keep_pivots(dt);
         if (sound || last.status != StepStatus::converged) return last;

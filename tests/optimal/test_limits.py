@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import linprog, minimize, minimize_scalar
 
+from leastaction._core import Room
 from leastaction.errors import ArgumentError
 from leastaction.io.results import load_result, save_result
 from leastaction.mechanics import (
@@ -42,15 +45,6 @@ from leastaction.optimal import (
 )
 from leastaction.optimal.iterates.models import Models
 from leastaction.optimal.limit_report import LimitReport, LimitState
-from leastaction.optimal.limits.barrier import (
-    Point,
-    advanced,
-    barrier_along,
-    barrier_step,
-    moved_duals,
-    split,
-    stiffness,
-)
 from leastaction.optimal.limits.duals import Duals, LimitSide
 from leastaction.optimal.limits.rows import Rows, Weights
 from leastaction.optimal.limits.sides import SideLayout
@@ -114,6 +108,13 @@ def certify(system, cost, limits, result: OptimizationResult) -> None:
 # ---- The barrier -----------------------------------------------------------------------------------
 
 
+def written(write: Callable[..., None], y: np.ndarray, *others: Any) -> np.ndarray:
+    """Return what a method of a room writes, given duals and others."""
+    out = np.empty(len(y))
+    write(y, *others, out)
+    return out
+
+
 @pytest.mark.parametrize("c", [-2.0, -0.01, 0.0, 0.003, 1.5])
 @pytest.mark.parametrize(("mu", "rho"), [(0.1, 3.0), (1e-3, 50.0)])
 def test_the_barrier_is_the_minimum_over_slack_and_excess(c: float, mu: float, rho: float) -> None:
@@ -123,10 +124,11 @@ def test_the_barrier_is_the_minimum_over_slack_and_excess(c: float, mu: float, r
             return np.inf
         return float(rho * t - mu * np.log(rho * t / mu) - mu * np.log(rho * (c + t) / mu))
 
-    slack, excess, value_there = split(np.array([c]), mu, np.array([rho]))
+    there = Room(np.array([c]), mu, np.array([rho]))
+    slack, excess = there.slack, there.excess
     assert slack[0] - excess[0] == pytest.approx(c, abs=1e-14)
     found = minimize(value, np.log(excess * 1.3), method="Nelder-Mead", options={"xatol": 1e-10, "fatol": 1e-14})
-    assert value_there == pytest.approx(found.fun, rel=1e-9, abs=1e-11)
+    assert there.value == pytest.approx(found.fun, rel=1e-9, abs=1e-11)
     assert mu / slack[0] + mu / excess[0] == pytest.approx(rho, rel=1e-12)
 
 
@@ -135,59 +137,61 @@ def test_the_dual_is_the_slope_of_the_barrier_and_its_stiffness_the_bend() -> No
     h = 1e-5
 
     def each(values: np.ndarray) -> np.ndarray:
-        return np.array([split(value[None], mu, rho[:1]).value for value in values])
+        return np.array([Room(value[None], mu, rho[:1]).value for value in values])
 
     slope = (each(c + h) - each(c - h)) / (2.0 * h)
-    part = split(c, mu, rho)
+    part = Room(c, mu, rho)
     y = mu / part.slack
     np.testing.assert_allclose(-slope, y, rtol=1e-6, atol=1e-7)
-    bend = (mu / split(c - h, mu, rho).slack - mu / split(c + h, mu, rho).slack) / (2.0 * h)
-    np.testing.assert_allclose(stiffness(part, rho, y), bend, rtol=1e-5)
+    bend = (mu / Room(c - h, mu, rho).slack - mu / Room(c + h, mu, rho).slack) / (2.0 * h)
+    np.testing.assert_allclose(written(part.stiffness, y), bend, rtol=1e-5)
     far = np.array([-1e6, -3.0, -1e-9, 0.0, 1e-9, 3.0, 1e6])
-    np.testing.assert_allclose(sum(mu / each for each in split(far, mu, rho[:7])[:2]), rho[:7], rtol=1e-12)
+    there = Room(far, mu, rho[:7])
+    np.testing.assert_allclose(mu / there.slack + mu / there.excess, rho[:7], rtol=1e-12)
     # A roll-out that is lost is dear, however far it is.
     lost = np.array([-1e200, 1e200])
-    assert split(lost, mu, rho[:2]).value == pytest.approx(7e200)
+    assert Room(lost, mu, rho[:2]).value == pytest.approx(7e200)
 
 
 def test_a_step_ends_where_the_barriers_begin_to_rise() -> None:
     """The model of a step is the quadratic one, with the barriers themselves in place of their models."""
     rng = np.random.default_rng(3)
     c, dc, rho, mu = rng.uniform(-0.1, 1.0, 300), rng.normal(size=300), rng.uniform(1.0, 9.0, 300), 0.01
-    part = split(c, mu, rho)
+    part = Room(c, mu, rho)
     y = mu / part.slack * rng.uniform(0.7, 1.0, 300)
-    barriers = stiffness(part, rho, y) @ dc**2, float(mu / part.slack @ dc)
+    barriers = written(part.stiffness, y) @ dc**2, float(mu / part.slack @ dc)
     bend = 300.0
     fall = -150.0 - barriers[1]
     least = fall + 0.5 * (bend + barriers[0])
 
     def model(a: float) -> float:
-        return (fall + barriers[1]) * a + 0.5 * bend * a**2 + split(c + a * dc, mu, rho).value
+        return (fall + barriers[1]) * a + 0.5 * bend * a**2 + Room(c + a * dc, mu, rho).value
 
     best = minimize_scalar(model, bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-9}).x
     assert 0.01 < best < 0.9
-    found = barrier_step(c, part, mu, rho, y, dc, fall=fall, least=least, length=1.0)
+    found = part.step(y, dc, fall, least, 1.0)
     assert found == pytest.approx(best, rel=0.1)
-    assert barrier_step(c, part, mu, rho, y, dc, fall=fall, least=least, length=0.5 * best) == 0.5 * best
+    assert part.step(y, dc, fall, least, 0.5 * best) == 0.5 * best
     # At once, by the derivatives of what is beside the barriers.
-    assert barrier_along(part, mu, rho, y, dc) == pytest.approx((barriers[1], barriers[0]), rel=1e-12)
-    there, length = advanced(Point(c, part, y), mu, rho, dc, fall=fall + barriers[1], bend=bend)
+    assert part.along(y, dc) == pytest.approx((barriers[1], barriers[0]), rel=1e-12)
+    y_there = np.empty(300)
+    there, length = part.advance(y, dc, fall + barriers[1], bend, y_there)
     assert length == pytest.approx(found, rel=1e-12)
-    after = split(c + length * dc, mu, rho)
+    after = Room(c + length * dc, mu, rho)
     np.testing.assert_allclose(there.c, c + length * dc, rtol=1e-14)
-    np.testing.assert_allclose(there.part.slack, after.slack, rtol=1e-12)
-    np.testing.assert_allclose(there.part.excess, after.excess, rtol=1e-12)
-    np.testing.assert_allclose(there.y, moved_duals(part, mu, rho, y, dc, after), rtol=1e-12)
-    assert there.part.value == pytest.approx(after.value, rel=1e-12)
+    np.testing.assert_allclose(there.slack, after.slack, rtol=1e-12)
+    np.testing.assert_allclose(there.excess, after.excess, rtol=1e-12)
+    np.testing.assert_allclose(y_there, written(part.move_duals, y, dc, after), rtol=1e-12)
+    assert there.value == pytest.approx(after.value, rel=1e-12)
 
 
 def test_duals_stay_inside_of_their_bounds_and_near_those_of_the_barriers() -> None:
     rng = np.random.default_rng(4)
     c, dc, rho, mu = rng.normal(size=200), 3.0 * rng.normal(size=200), rng.uniform(1.0, 9.0, 200), 1e-3
-    part, after = split(c, mu, rho), split(c + dc, mu, rho)
+    part, after = Room(c, mu, rho), Room(c + dc, mu, rho)
     y = mu / part.slack * rng.uniform(0.5, 1.0, 200)
-    newton = mu / part.slack - stiffness(part, rho, y) * dc
-    moved, barrier = moved_duals(part, mu, rho, y, dc, after), mu / after.slack
+    newton = mu / part.slack - written(part.stiffness, y) * dc
+    moved, barrier = written(part.move_duals, y, dc, after), mu / after.slack
     assert (moved > 0.0).all()
     assert (moved < rho).all()
     assert (moved >= 0.999e-3 * barrier).all()

@@ -7,7 +7,18 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from leastaction.mechanics import Gravity, Mechanism, MidpointVI, Trajectory, ball, free, tx
+from leastaction.mechanics import (
+    Gravity,
+    Mechanism,
+    MidpointVI,
+    PointToPoint,
+    Trajectory,
+    ball,
+    free,
+    project_configuration,
+    project_velocity,
+    tx,
+)
 from leastaction.numerics.arrays import Array
 
 INERTIA, COM, GRAVITY = np.array([0.35, 0.4, 0.25]), np.array([0.05, -0.03, 0.4]), 9.81
@@ -170,3 +181,33 @@ def test_energy_of_steps_past_half_a_turn(turn: float) -> None:
         x = made.x.copy()
         x[1::2, :4] *= sign
         assert vi.core.energies(t, x, u, made.lam) == pytest.approx(made.energies)
+
+
+def ring(rods: int, heavy: float) -> tuple[Mechanism, Array]:
+    """Rods in a closed ring that flies free, every other one so many times as heavy; and a regular polygon."""
+    length, rest = 1.0, []
+    for i in reversed(range(1, rods)):
+        mass = 0.1 * (heavy if i % 2 else 1.0)
+        joint = ball(f"b{i}", mass=mass, com=(0.5, 0, 0), inertia=(mass / 60, mass / 12, mass / 12))
+        rest = [joint, [tx(length, name=f"n{i}"), *([rest] if rest else [])]]
+    base = free("base", mass=0.1, com=(0.5, 0, 0), inertia=(0.1 / 60, 0.1 / 12, 0.1 / 12))
+    m = Mechanism([base, [tx(length), rest]], [PointToPoint(f"n{rods - 1}", "base", axes="xyz")])
+    corner = np.pi / rods
+    turned = {f"b{i}.qw": np.cos(corner) for i in range(1, rods)} | {f"b{i}.qz": np.sin(corner) for i in range(1, rods)}
+    return m, project_configuration(m, m.configuration(turned)).q
+
+
+@pytest.mark.parametrize(("rods", "heavy"), [(6, 1.0), (6, 1000.0), (20, 1.0)])
+def test_closed_rings_of_balls_keep_their_momenta_and_their_energy(rods: int, heavy: float) -> None:
+    m, q = ring(rods, heavy)
+    vi = MidpointVI(m)
+    v = project_velocity(m, q, np.random.default_rng(0).normal(size=m.nv)).v
+    run = vi.simulate(vi.start(q, v), 0.0025 * np.arange(201))
+    assert run.status.name == "COMPLETED", run.message
+    place = np.stack([run[f"base.{letter}"] for letter in "xyz"], axis=-1)
+    linear, body = run.p[:, :3], run.p[:, 3:6].copy()
+    angular = np.cross(place, linear) + turns(run, "base").apply(body)
+    assert np.ptp(linear, axis=0).max() < 1e-13 * np.abs(linear).max()
+    assert np.ptp(angular, axis=0).max() < 1e-13 * np.abs(angular).max()
+    energy = run.energy().total
+    assert np.ptp(energy) < 1e-4 * energy.mean()

@@ -16,16 +16,9 @@ import numpy as np
 from leastaction import _core
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import made
-from leastaction.numerics.pool import copied, empty, zeros
+from leastaction.numerics.pool import copied, empty
 from leastaction.optimal.limit_report import Barrier, LimitReport, LimitState
-from leastaction.optimal.limits.barrier import (
-    Split,
-    barrier_step,
-    first_duals,
-    moved_duals,
-    off_center,
-    stiffness,
-)
+from leastaction.optimal.limits.barrier import first_duals
 from leastaction.optimal.limits.leeway import Leeway
 from leastaction.optimal.limits.sides import Sided, SideLayout
 from leastaction.optimal.quantity import Instants
@@ -63,15 +56,13 @@ class LimitSide:
 
 
 class Room(NamedTuple):
-    """The values ``c`` of all sides somewhere, how they are split there, and the sum of their barriers.
+    """The values ``c`` of all sides somewhere, and ``at``, how they are split there into slack and excess.
 
-    It is that of a parameter of the barrier and of prices; see `Split`.
+    It is that of a parameter of the barrier and of prices.
     """
 
     c: Sided
-    slack: Array
-    excess: Array
-    value: float
+    at: _core.Room
 
 
 class Duals:
@@ -131,39 +122,42 @@ class Duals:
 
     def room(self, c: Sided) -> Room:
         """Return slack and excess of values of all sides."""
-        slack, excess = empty(c.flat.shape), empty(c.flat.shape)
-        return Room(c, slack, excess, _core.barrier_split(c.flat, self.mu, self.prices, slack, excess))
+        return Room(c, _core.Room(c.flat, self.mu, self.prices))
 
     def of_barrier(self, room: Room) -> Sided:
         """Return the duals of the barriers themselves, ``mu / s``."""
-        return Sided(np.divide(self.mu, room.slack, out=empty(room.slack.shape)), self.layout)
+        found = self.layout.empty()
+        room.at.duals(found.flat)
+        return found
 
     def stiffnesses(self, room: Room, most: float = np.inf) -> Sided:
         """Return ``-dy/dc`` of the primal-dual model, at most so much of the largest that may be, ``rho^2 / mu``."""
-        sigma = stiffness(room, self.prices, self.y.flat)
-        return Sided(sigma if most == np.inf else np.minimum(sigma, most / self.mu * self.prices**2), self.layout)
+        sigma = self.layout.empty()
+        room.at.stiffness(self.y.flat, sigma.flat)
+        return sigma if most == np.inf else Sided(np.minimum(sigma.flat, most / self.mu * self.prices**2), self.layout)
 
     def moved(self, room: Room, dc: Sided, after: Room) -> Sided:
-        """Return the duals moved along their own direction, after a step along dc from one place to another."""
-        moved = moved_duals(room, self.mu, self.prices, self.y.flat, dc.flat, after)
-        return Sided(moved, self.layout)
+        """Return the duals moved along their own direction, after a step along dc from one place to another.
+
+        They stay inside of (0, rho), and not too far from those of the barrier.
+        """
+        moved = self.layout.empty()
+        room.at.move_duals(self.y.flat, dc.flat, after.at, moved.flat)
+        return moved
 
     def step(self, room: Room, dc: Sided, fall: float, least: float, length: float) -> float:
         """Return where along a direction the model is least that has the barriers themselves in place of their models.
 
-        ``dc``: change of the values along it. ``fall``, ``least``: slope of cost and barriers, and their model's change
-        at its end. ``length``: where to look no further.
+        To a tenth. ``dc``: change of the values along it. ``fall``, ``least``: slope of cost and barriers, and their
+        model's change at its end. ``length``: where to look no further.
         """
-        return barrier_step(
-            room.c.flat, room, self.mu, self.prices, self.y.flat, dc.flat, fall=fall, least=least, length=length
-        )
+        return room.at.step(self.y.flat, dc.flat, fall, least, length)
 
     def kept_near(self, y: Array, after: Room) -> Sided:
         """Return duals that are not too far from those of the barrier."""
-        slack, excess = np.divide(self.mu, y, out=empty(y.shape)), empty(y.shape)
-        excess.fill(1.0)
-        moved = moved_duals(Split(slack, excess), self.mu, self.prices, y, zeros(y.shape), after)
-        return Sided(moved, self.layout)
+        kept = self.layout.empty()
+        after.at.keep_duals(y, kept.flat)
+        return kept
 
     def settle_prices(self) -> None:
         """Take the prices and scales of all sides as they are now."""
@@ -177,20 +171,20 @@ class Duals:
 
         From there a much smaller barrier can be followed.
         """
-        return off_center(room, self.prices, self.y.flat) <= _CENTRAL * self.mu
+        return room.at.off_center(self.y.flat) <= _CENTRAL * self.mu
 
     def gap(self, room: Room) -> float:
         """Return what duals times room come to where that is more than the barriers ask for; not of equations.
 
         By so much the cost may still fall, whatever is said by the Lagrangian of these duals alone.
         """
-        products = (self.y.flat * room.slack)[~self._in_equations]
+        products = (self.y.flat * room.at.slack)[~self._in_equations]
         return float(products[products > _CENTRAL * self.mu].sum())
 
     def settled(self, duals: Sided, room: Room) -> Sided:
         """Return duals; where they have not come near those of the barrier, these."""
         settled = self.layout.empty()
-        _core.settle_duals(duals.flat, room.slack, self.mu, settled.flat)
+        room.at.settle_duals(duals.flat, settled.flat)
         return settled
 
     def excess(self, c: Sided) -> float:

@@ -111,11 +111,11 @@ class BarrierMerit(Merit):
         return self.plain_value()
 
     def guide(self, x: Array, u: Array) -> float:
-        return self.duals.room(self.limited.limits(x, u)).value
+        return self.duals.room(self.limited.limits(x, u)).at.value
 
     def value(self) -> float:
         """Return the cost with the barriers, at the iterate."""
-        return self.plain_value() + self.room().value
+        return self.plain_value() + self.room().at.value
 
     def limits(self) -> Sided:
         """Return the values of all rows at the iterate, with the leeway of this stage."""
@@ -271,7 +271,7 @@ class BarrierMerit(Merit):
     ) -> Trial[Iterate] | Refusal:
         found, cost = trial
         room = self.duals.room(self.limited.limits(found.x, found.u))
-        total = cost + room.value
+        total = cost + room.at.value
         if not total <= bound:
             reason = f"a cost with barriers of {total:.10g}, where at most {bound:.10g} was wanted"
             return explain(found.x, Refusal(reason, cost=total))

@@ -20,10 +20,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+from leastaction import _core
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import changed
+from leastaction.numerics.pool import empty
 from leastaction.optimal.iterates.direction import DiscreteDirection, ModelMinimum
-from leastaction.optimal.limits.barrier import Point, advanced, barrier_along, stiffness
 from leastaction.optimal.limits.duals import Duals, Room
 from leastaction.optimal.limits.sides import Sided
 
@@ -42,29 +43,42 @@ class SolvedWithin(NamedTuple):
     change: Array
 
 
+class Point(NamedTuple):
+    """Where limits are, and their duals."""
+
+    room: _core.Room
+    y: Array
+
+
 class _Model:
     """The model M, with limits whose prices, parameter and duals are given; ``room``: that of limits at ``d = 0``."""
 
     def __init__(self, duals: Duals, room: Room) -> None:
-        self.mu, self.rho, self.layout = duals.mu, duals.prices, duals.layout
-        self.begin = Point(room.c.flat, room, duals.y.flat)
+        self.mu, self.layout = duals.mu, duals.layout
+        self.begin = Point(room.at, duals.y.flat)
 
     def gained(self, at: Point, cost: float) -> float:
         """Return by how much M is less at a point than where it begins; ``cost``: the change of m."""
-        return self.begin.part.value - cost - at.part.value
+        return self.begin.room.value - cost - at.room.value
+
+    def change(self, at: Point) -> Array:
+        """Return how limits have changed since it begins."""
+        return at.room.c - self.begin.room.c
 
     def weights(self, at: Point) -> tuple[Array, Array]:
         """Return w and sigma at a point."""
-        sigma = stiffness(at.part, self.rho, at.y)
-        return self.mu / at.part.slack + sigma * (at.c - self.begin.c), sigma
+        sigma: Array = empty(at.y.shape)
+        at.room.stiffness(at.y, sigma)
+        return self.mu / at.room.slack + sigma * self.change(at), sigma
 
     def step(self, at: Point, dc: Array, fall: float, bend: float) -> tuple[Point, float, float]:
         """Return the point where M is least along a change of limits, how far it is, and the change of m to there.
 
-        ``fall``, ``bend``: the first two derivatives of m along it.
+        ``fall``, ``bend``: the first two derivatives of m along it. Its duals have moved along.
         """
-        point, length = advanced(at, self.mu, self.rho, dc, fall=fall, bend=bend)
-        return point, length, length * fall + 0.5 * length**2 * bend
+        y: Array = empty(dc.shape)
+        room, length = at.room.advance(at.y, dc, fall, bend, y)
+        return Point(room, y), length, length * fall + 0.5 * length**2 * bend
 
 
 def promising(duals: Duals, room: Room, direction: DiscreteDirection) -> DiscreteDirection:
@@ -75,7 +89,7 @@ def promising(duals: Duals, room: Room, direction: DiscreteDirection) -> Discret
 def _promising(model: _Model, direction: DiscreteDirection) -> tuple[DiscreteDirection, Point, float]:
     assert direction.limited is not None
     begin, dc = model.begin, direction.limited
-    fall, stiff = barrier_along(begin.part, model.mu, model.rho, begin.y, dc)
+    fall, stiff = begin.room.along(begin.y, dc)
     point, length, cost = model.step(begin, dc, direction.slope + fall, -direction.slope - stiff)
     return changed(direction, promise=model.gained(point, cost), reach=length), point, cost
 
@@ -109,7 +123,7 @@ def refined(
         if following is None:
             break
         found, there = following.at, following.change
-        change = there - (at.c - model.begin.c)
+        change = there - model.change(at)
         slope = float(w @ change) - float(sigma @ (there * change))
         rise = found.least + float(w @ there) - 0.5 * float(sigma @ there**2) - cost
         bend = 2.0 * (slope - rise)
@@ -123,6 +137,6 @@ def refined(
         return direction
     # As of a parabola, of which the step is the minimum.
     return changed(
-        direction, slope=-2.0 * gained, gain=found.K, C=found.C, dx=dx, du=du, limited=at.c - model.begin.c,
+        direction, slope=-2.0 * gained, gain=found.K, C=found.C, dx=dx, du=du, limited=model.change(at),
         dx0=None if direction.dx0 is None else dx[0], duals=at.y, promise=gained, reach=1.0,
     )  # fmt: skip
