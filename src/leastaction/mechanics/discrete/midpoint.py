@@ -93,8 +93,8 @@ class MidpointVI(Integrator):
     Raises
     ------
     ArgumentError
-        For an unknown split, or "left" beside rotations that are quaternions, a tolerance or count out of range, an unknown input, or an element of which some inputs
-        act at the instants and others do not.
+        For an unknown split, or "left" beside rotations that are quaternions, a tolerance or count out of range, an
+        unknown input, or an element of which some inputs act at the instants and others do not.
     """
 
     def __init__(
