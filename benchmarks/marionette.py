@@ -55,6 +55,21 @@ def problem(case: Case, steps: int, *, threads: int = 1) -> Problem:
     return Problem(MidpointSystem(integrator, t), cost, t, wanted, held.x, held.u)
 
 
+def with_tensions(case: Case, steps: int) -> tuple[MidpointSystem, QuadraticCost, tuple[Array, Array]]:
+    """Return the walk's system with tensions in its state, its cost, and the start that hangs on still strings."""
+    given, nc = problem(case, steps), case.mechanism.nc
+    system = MidpointSystem(MidpointVI(case.mechanism, threads=1), given.t, multipliers=True)
+    none = np.zeros((steps + 1, nc))
+    Q = np.concatenate([given.cost.Q, np.zeros(nc)])
+    cost = QuadraticCost(np.hstack([given.cost.x_wanted, none]), given.cost.u_wanted, Q=Q, R=given.cost.R)
+    return system, cost, (np.hstack([given.x, none]), given.u)
+
+
+def mean_tensions(system: MidpointSystem, result: OptimizationResult) -> dict[str, float]:
+    """Return the mean tension (N) of each string along a motion."""
+    return {name: float(along.mean()) for name, along in system.trajectory(result.x, result.u).tensions().items()}
+
+
 def solve(given: Problem) -> OptimizationResult:
     """Optimise."""
     return optimize(given.system, given.cost, initial=(given.x, given.u))

@@ -1,10 +1,11 @@
 """What each way to begin again is worth: ``python -m benchmarks.ways [--json] [--only WORDS]``; a long study.
 
 Every problem is solved under default settings: those of `benchmarks.robustness`, free and from curves, others, drawn
-ones, drawn ones whose inputs are limited, such that have to end where their wanted motion does, and masses that fly
-past obstacles. Then each way is switched off in turn, and those problems are solved again on which it was taken: the
-rest do not notice. Told is how many lose their minimum, how many end in a dearer or a cheaper one, and the processor
-time of the problems on which it was taken, without the way in parts of that with it.
+ones, drawn ones whose inputs are limited, such that have to end where their wanted motion does, masses that fly past
+obstacles, and a puppet that walks on strings which pull, begun hanging on them. Then each way is switched off in turn,
+and those problems are solved again on which it was taken: the rest do not notice. Told is how many lose their minimum,
+how many end in a dearer or a cheaper one, and the processor time of the problems on which it was taken, without the way
+in parts of that with it.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ from typing import Any  # noqa: E402
 
 import numpy as np  # noqa: E402
 
+from benchmarks.cases import package_marionette  # noqa: E402
+from benchmarks.marionette import mean_tensions, with_tensions  # noqa: E402
 from benchmarks.robustness_curves import CURVES  # noqa: E402
 from benchmarks.robustness_drawn import drawn  # noqa: E402
 from benchmarks.robustness_further import FURTHER  # noqa: E402
@@ -41,6 +44,7 @@ _SEEDS, _LIMITED, _ENDS, _OBSTACLES = (34, 35, 36, 37), (38,), (39, 40), 24
 _PART = 0.7  # of what a problem's minimum uses of an input is its limit
 _PARTS = 0.7, 2.0  # the same, at least and at most, of problems whose end is asked for
 _TIMES = 0.2, 5.0  # final time at least and at most, where it is found too, in times the one that was drawn
+_PULLS = (0.02, 0.1, 0.3), (100, 200)  # least tensions, in parts of their means; numbers of steps
 _SAME = 1e-4  # relative difference of costs up to which minima are the same
 
 
@@ -106,6 +110,17 @@ def _past_obstacles() -> Iterator[Case]:
         yield Case(f"past {len(balls)} balls, {seed}", system, cost, (np.zeros(4), hover), (*balls, Equal("y", 3.0)))
 
 
+def _hanging() -> Iterator[Case]:
+    """Yield walks of a puppet whose strings pull at least by a part of what they do without limits."""
+    case = package_marionette()
+    for steps in _PULLS[1]:
+        system, cost, start = with_tensions(case, steps)
+        means = mean_tensions(system, optimize(system, cost, initial=start))
+        for part in _PULLS[0]:
+            limits = tuple(Bound(name, min=part * mean, of="tension") for name, mean in means.items())
+            yield Case(f"walk of {steps} steps, strings pull by {part:g} of their means", system, cost, start, limits)
+
+
 def _to_ends() -> Iterator[Case]:
     """Yield drawn problems whose last configuration, and rest where nothing is closed, is asked for by equations.
 
@@ -164,6 +179,7 @@ def cases() -> Iterator[Case]:
             yield Case(f"{problem.name}, limited", given.system, given.cost, (given.x, given.u), limits)
     yield from _to_ends()
     yield from _past_obstacles()
+    yield from _hanging()
 
 
 def solve(case: Case, without: tuple[str, ...] = ()) -> Solved:

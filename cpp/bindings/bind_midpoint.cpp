@@ -137,7 +137,6 @@ ManyRollOuts roll_out_many_from(const Midpoint& midpoint, const In<1>& t, const 
 
 nb::tuple linearize_many_of(const Midpoint& midpoint, const In<1>& t, const In<3>& x, const In<3>& u, int threads) {
     const Mechanism& m = midpoint.mechanism();
-    expect_no_balls(m, "derivatives of many motions");
     const std::size_t B = x.shape(0), N = steps_of(t), n = m.n_tangent(), nu = m.n_controls();
     expect(x.size(), B * (N + 1) * m.n_states(), "x");
     expect(u.shape(0), B, "u");
@@ -495,6 +494,7 @@ void bind_midpoint(nb::module_& module) {
         .def("momenta", &momenta, "q1"_a, "q2"_a, "u"_a, "dt"_a, "share"_a.none() = nb::none(), "t"_a = 0.0,
              "Momenta (p1, p2) of all variables at both ends of a segment, without constraint forces; share: for how "
              "long forces at the instants act at its start, dt by default.");
+    module.attr("SAME_MOTION") = same_motion;
     using L = Linearization;
     using Sizes = std::vector<std::size_t>;
     const auto n = [](int size) { return static_cast<std::size_t>(size); };

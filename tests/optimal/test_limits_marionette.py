@@ -9,22 +9,11 @@ import numpy as np
 import pytest
 
 from leastaction.io.results import load_result, save_result
-from leastaction.mechanics import MidpointVI
-from leastaction.optimal import Bound, OptimizationResult, QuadraticCost, Status, optimize
+from leastaction.optimal import Bound, OptimizationResult, Status, optimize
 from leastaction.systems import MidpointSystem
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks import cases, marionette
-
-
-def walk(case: cases.Case, N: int) -> tuple[MidpointSystem, QuadraticCost, tuple[np.ndarray, np.ndarray]]:
-    """Return the walk's system, with tensions in its state, its cost, and the start that hangs on still strings."""
-    given = marionette.problem(case, N)
-    system = MidpointSystem(MidpointVI(case.mechanism, threads=2), given.t, multipliers=True)
-    none = np.zeros((N + 1, case.mechanism.nc))
-    Q = np.concatenate([given.cost.Q, np.zeros(case.mechanism.nc)])
-    cost = QuadraticCost(np.hstack([given.cost.x_wanted, none]), given.cost.u_wanted, Q=Q, R=given.cost.R)
-    return system, cost, (np.hstack([given.x, none]), given.u)
 
 
 def tensions(system: MidpointSystem, result: OptimizationResult) -> np.ndarray:
@@ -35,7 +24,7 @@ def tensions(system: MidpointSystem, result: OptimizationResult) -> np.ndarray:
 def hanging():
     """Return the package's walk, short, its minimum without limits, and tensions of 2 % of their means at least."""
     case = cases.package_marionette()
-    system, cost, start = walk(case, 100)
+    system, cost, start = marionette.with_tensions(case, 100)
     free = optimize(system, cost, initial=start)
     mean = tensions(system, free).mean(axis=0)
     names = case.mechanism.constraints
@@ -78,7 +67,7 @@ def test_strings_only_pull_for_a_few_more_iterations() -> None:
     """Least tensions of 2 % and of 30 % of each string's mean, from the free optimum and from hanging strings."""
     case = cases.marionette()
     m = case.mechanism
-    system, cost, start = walk(case, 1000)
+    system, cost, start = marionette.with_tensions(case, 1000)
     free = optimize(system, cost, initial=start)
     assert free.status is Status.CONVERGED
     tension = tensions(system, free)

@@ -126,6 +126,7 @@ def test_a_free_base(tmp_path: Path) -> None:
     text = link("base") + link("arm") + joint("j", "base", "arm")
     model = loaded(tmp_path, text, floating=True)
     assert model.mechanism.variables == ("base.x", "base.y", "base.z", "base.wx", "base.wy", "base.wz", "j")
+    assert ": 7 variables, " in str(model)  # of which eight numbers say where they are
 
 
 def test_a_base_that_the_file_lets_free_is_not_let_free_twice(tmp_path: Path) -> None:

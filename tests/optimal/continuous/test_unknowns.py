@@ -23,6 +23,7 @@ from leastaction import (
     rz,
     simulate,
     tx,
+    ty,
     tz,
 )
 from leastaction.elements import Distance, ExpressionForce
@@ -446,3 +447,18 @@ def test_a_system_that_jumps_has_no_free_final_time():
     cost = ContinuousQuadraticCost([0.0, 0.0], [0.0], Q=[1.0, 1.0], R=[1.0])
     with pytest.raises(ArgumentError, match=r"jumps with time, at 0\.5 s"):
         optimize(system, cost, initial=([1.0, 0.0], [0.0]), horizon=(0.0, 1.0), unknowns=[FinalTime()])
+
+
+def test_a_time_that_went_to_nothing_is_told() -> None:
+    """In no time nothing moves, so that limits are violated as little as is possible nearby."""
+    cart = [ty("x", mass=2.0), [rx("theta"), [tz(-1.0, mass=1.0)]]]
+    m = Mechanism(cart, [Gravity(), JointForce("x", input="push")])
+    cost = ContinuousQuadraticCost(np.zeros(4), np.zeros(1), Q=[0.0] * 4, R=[0.1])
+    limits = [Bound("push", -5.0, 5.0), Equal(["x", "theta"], [1.0, 0.0]), Equal("*", 0.0, of="rate")]
+    asked = {"initial": (np.zeros(4), np.zeros(1)), "horizon": (0.0, 0.6), "limits": limits}
+    found = optimize(MechanismSystem(m), cost, unknowns=[FinalTime(price=1.0)], **asked)
+    told = "give it a least value, FinalTime(min=...), or begin with a longer horizon than 0.6 s" in found.message
+    assert told != found.success
+    helped = optimize(MechanismSystem(m), cost, unknowns=[FinalTime(0.2, price=1.0)], **asked)
+    assert helped.success
+    assert "least value" not in helped.message

@@ -86,7 +86,7 @@ class Model:
         """Return a summary: the mechanism, and how much there is beside it."""
         m = self.mechanism
         lines = [
-            f"{self.name or 'model'}: {m.nq} variables, {m.n_inputs} inputs, {m.nc} constraints, {len(self.limits)} "
+            f"{self.name or 'model'}: {m.nv} variables, {m.n_inputs} inputs, {m.nc} constraints, {len(self.limits)} "
             f"limits, {len(self.shapes)} shapes"
         ]
         if self.keyframes:

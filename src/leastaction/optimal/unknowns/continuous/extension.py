@@ -25,7 +25,7 @@ from leastaction.optimal.limit_report import LimitReport
 from leastaction.optimal.limits.limit import Bound, Limit
 from leastaction.optimal.loop import Callback
 from leastaction.optimal.options import Options
-from leastaction.optimal.result import OptimizationResult
+from leastaction.optimal.result import OptimizationResult, Status
 from leastaction.optimal.search.problem import DiscreteProblem
 from leastaction.optimal.unknowns.conditions import is_of_unknowns, off_the_border
 from leastaction.optimal.unknowns.continuous.cost import ExtendedContinuousCost
@@ -34,6 +34,8 @@ from leastaction.optimal.unknowns.continuous.system import ExtendedContinuousSys
 from leastaction.optimal.unknowns.extended import told_in_own_states
 from leastaction.optimal.unknowns.periodic import Periodic
 from leastaction.optimal.unknowns.unknown import Unknown
+
+_NO_TIME = 1e-3  # of the horizon that a search begins with: in less a motion is not looked for
 
 
 class ContinuousExtension:
@@ -211,8 +213,15 @@ class ContinuousExtension:
         x[:, :, system.layout.kept] += states[:, :, system.layout.at_copies : system.nx]
         curve = np.concatenate([x, states[:, :, system.nx :]], axis=2)
         dense = DenseTrajectory(PiecewisePolynomial(result.dense.t, curve, (n + nu,)), n)
+        message = result.message
+        if result.status is Status.INFEASIBLE and tf - t0 < _NO_TIME * system.lasts:
+            message += (
+                f" The final time went to {tf - t0:.2g} s, where no input moves anything: give it a least value, "
+                f"FinalTime(min=...), or begin with a longer horizon than {system.lasts:g} s."
+            )
         return replace(
             result,
+            message=message,
             x=read_only(system.own(result.x)),
             K=np.ascontiguousarray(result.K[:, :, :n]),
             projection_gain=np.ascontiguousarray(result.projection_gain[:, :, :n]),
