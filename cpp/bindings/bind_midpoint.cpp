@@ -262,7 +262,7 @@ Out curvature_by_length(const Midpoint& midpoint, const In<1>& t, const In<2>& x
                         bool multipliers, int threads, double first_share) {
     const Mechanism& m = midpoint.mechanism();
     const std::size_t N = check(m, t, x, u), nx = m.n_states(), weights = w.shape(1);
-    expect_no_balls(m, "second derivatives by the time step or numbers");
+    expect_no_balls(m, "second derivatives by the time step");
     expect(w.shape(0), N, "w");
     if (weights != nx) expect(weights, nx + m.n_constraints(), "weights");
     const std::size_t n = nx + m.n_controls() + (multipliers ? m.n_constraints() : 0) + 1;
@@ -277,8 +277,7 @@ Out curvature_by_length(const Midpoint& midpoint, const In<1>& t, const In<2>& x
 Out curvature_by_directions(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u, const In<2>& w,
                             const In<2>& directions, int threads, double first_share) {
     const Mechanism& m = midpoint.mechanism();
-    const std::size_t N = check(m, t, x, u), nx = m.n_states(), weights = w.shape(1), P = directions.shape(0);
-    expect_no_balls(m, "second derivatives by the time step or numbers");
+    const std::size_t N = check(m, t, x, u), nx = m.n_tangent(), weights = w.shape(1), P = directions.shape(0);
     expect(w.shape(0), N, "w");
     if (weights != nx) expect(weights, nx + m.n_constraints(), "weights");
     expect(directions.shape(1), m.numbers.size(), "direction");

@@ -54,7 +54,7 @@ def regulator_along(
     return gains
 
 
-class _Pieces(NamedTuple):
+class _PiecesAhead(NamedTuple):
     """Pieces one after the other, and the steps within them as far as no cost to go is known at their ends.
 
     ``begin``, ``end`` (n,): times (s). ``moves`` (n, 11, nx, m): where steps lead, by the state that they begin with
@@ -69,14 +69,14 @@ class _Pieces(NamedTuple):
     H: Array
     here: Array
 
-    def some(self, which: slice | NDArray[np.intp]) -> _Pieces:
+    def some(self, which: slice | NDArray[np.intp]) -> _PiecesAhead:
         """Return some of them."""
-        return _Pieces(*(part[which] for part in self))
+        return _PiecesAhead(*(part[which] for part in self))
 
-    def beside(self, others: _Pieces) -> _Pieces:
+    def beside(self, others: _PiecesAhead) -> _PiecesAhead:
         """Return these and others, in order."""
         order = np.argsort(np.concatenate([self.begin, others.begin]))
-        return _Pieces(*(np.concatenate(parts)[order] for parts in zip(self, others, strict=True)))
+        return _PiecesAhead(*(np.concatenate(parts)[order] for parts in zip(self, others, strict=True)))
 
 
 class _Backwards:
@@ -114,7 +114,7 @@ class _Backwards:
         values = np.concatenate([values, np.zeros((*values.shape[:2], self.nu))], axis=2)
         return Mesh(np.append(begins, self.mesh.breaks[-1])).fit(values, (values.shape[2],))
 
-    def _exchanged(self, ahead: _Pieces, start: int, parts: NDArray[np.intp]) -> _Pieces:
+    def _exchanged(self, ahead: _PiecesAhead, start: int, parts: NDArray[np.intp]) -> _PiecesAhead:
         """Return the pieces before the start, and those from there on in so many parts each, the shorter the later."""
         coarse = start + np.flatnonzero(parts > 1)
         kept = ahead.some(np.append(np.arange(start), start + np.flatnonzero(parts == 1)))
@@ -129,7 +129,7 @@ class _Backwards:
             ends.append(breaks[1:])
         return kept.beside(self._pieces(np.concatenate(begins), np.concatenate(ends)))
 
-    def _costs_to_go(self, pieces: _Pieces, P: Array) -> tuple[Array, int | None]:
+    def _costs_to_go(self, pieces: _PiecesAhead, P: Array) -> tuple[Array, int | None]:
         """Return P (2n+1, nx, nx) at begins and middles of all pieces and at the end, and the piece that has none."""
         steps = [POINTS + 2, POINTS]
         moves, H = (part[:, steps].reshape(-1, *part.shape[2:]) for part in (pieces.moves, pieces.H))
@@ -141,7 +141,7 @@ class _Backwards:
         assert done.P is not None
         return done.P, None if done.stage is None else done.stage // 2
 
-    def _laws(self, pieces: _Pieces, known: Array) -> tuple[Array, Flags, NDArray[np.intp]]:
+    def _laws(self, pieces: _PiecesAhead, known: Array) -> tuple[Array, Flags, NDArray[np.intp]]:
         """Return the gains (n, 8, nu nx) at the points, where there are any, and in how many parts pieces go."""
         begin, end = known[:-1:2], known[2::2]
         whole, good = self._steps(pieces, slice(POINTS + 1, POINTS + 2), end)
@@ -164,7 +164,7 @@ class _Backwards:
         tail = np.maximum(coefficients[:, -1], 0.1 * coefficients[:, -2])
         return np.asarray((tail / (_CLOSE * size + 1e-300)).max(axis=1))
 
-    def _steps(self, pieces: _Pieces, which: slice, end: Array) -> tuple[Array, Flags]:
+    def _steps(self, pieces: _PiecesAhead, which: slice, end: Array) -> tuple[Array, Flags]:
         """Return P (n, steps, nx, nx) where steps begin, by that at the ends of pieces, and which have a minimum."""
         moves, nx = pieces.moves[:, which], self.nx
         H = pieces.H[:, which] + moves.transpose(0, 1, 3, 2) @ end[:, None] @ moves
@@ -178,7 +178,7 @@ class _Backwards:
         found = H[..., :nx, :nx] - mixed.transpose(0, 1, 3, 2) @ np.linalg.solve(by_u, mixed)
         return 0.5 * (found + found.transpose(0, 1, 3, 2)), np.asarray(good.all(axis=1))
 
-    def _pieces(self, begins: Array, ends: Array) -> _Pieces:
+    def _pieces(self, begins: Array, ends: Array) -> _PiecesAhead:
         """Return pieces and the steps within them, all made at once."""
         middles = 0.5 * (begins + ends)
         points = middles[:, None] + 0.5 * (ends - begins)[:, None] * _ABSCISSAE
@@ -186,7 +186,7 @@ class _Backwards:
         stops = np.column_stack([np.tile(ends[:, None], (1, POINTS + 2)), middles])
         moves, H = self._made(starts.ravel(), stops.ravel())
         split = (len(begins), POINTS + 3)
-        return _Pieces(
+        return _PiecesAhead(
             begins,
             ends,
             moves.reshape(*split, *moves.shape[1:]),
@@ -195,7 +195,7 @@ class _Backwards:
         )
 
     def _made(self, starts: Array, ends: Array) -> tuple[Array, Array]:
-        """Return where steps between times lead, and what they cost, as of `_Pieces`."""
+        """Return where steps between times lead, and what they cost, as of `_PiecesAhead`."""
         n, nx, nu = len(starts), self.nx, self.nu
         h = (ends - starts)[:, None, None]
         t = starts[:, None] + h[:, 0] * NODES
