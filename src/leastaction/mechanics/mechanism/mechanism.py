@@ -400,7 +400,9 @@ class Mechanism(Compiled):
             if tree is not self.tree:
                 core = core.with_bodies(bodies_of(tree))
             result = Mechanism.__new__(Mechanism)
-            vars(result).update({**vars(self), "_plan": settled, "tree": tree, "core": core})
+            vars(result).update(
+                {**vars(self), "_plan": settled, "tree": tree, "frames": tuple(tree.index), "core": core}
+            )
         else:
             result = self._of(settled, like=self.core)
         if tree is not self.tree:
