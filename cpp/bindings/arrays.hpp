@@ -71,6 +71,16 @@ inline Inertia<double> inertia_of(const std::array<double, 10>& i) {
     return {i[0], {i[1], i[2], i[3]}, {i[4], i[5], i[6], i[7], i[8], i[9]}};
 }
 
+inline Vec3<double> vec3(const In<1>& a) {
+    expect(a.size(), 3, "vector");
+    return {a.data()[0], a.data()[1], a.data()[2]};
+}
+inline Body body_of(double mass, const In<1>& com, const In<2>& inertia) {
+    expect(inertia.size(), 9, "inertia");
+    const double* I = inertia.data();
+    return {mass, vec3(com), {I[0], I[4], I[8], I[1], I[2], I[5]}};
+}
+
 // Between the user's order of variables and the internal one.
 inline std::vector<double> to_internal(const Mechanism& m, const double* values) {
     std::vector<double> out(m.n_variables());

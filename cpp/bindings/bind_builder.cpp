@@ -17,11 +17,6 @@ namespace {
 
 using Indices = std::vector<int>;
 
-Vec3<double> vec3(const In<1>& a) {
-    expect(a.size(), 3, "vector");
-    return {a.data()[0], a.data()[1], a.data()[2]};
-}
-
 Pose<double> pose_of(const In<2>& a) {
     expect(a.size(), 16, "pose");
     const double* m = a.data();
@@ -188,9 +183,7 @@ void bind_builder(nb::module_& module) {
         .def(
             "add_body",
             [](MechanismBuilder& b, int joint, double mass, const In<1>& com, const In<2>& inertia) {
-                expect(inertia.size(), 9, "inertia");
-                const double* I = inertia.data();
-                b.add_body(joint, {mass, vec3(com), {I[0], I[4], I[8], I[1], I[2], I[5]}});
+                b.add_body(joint, body_of(mass, com, inertia));
             },
             "joint"_a, "mass"_a, "com"_a, "inertia"_a)
         .def(

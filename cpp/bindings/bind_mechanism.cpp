@@ -4,8 +4,10 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
 
 #include <numeric>
+#include <tuple>
 
 #include "bindings/arrays.hpp"
 #include "dynamics/lagrangian.hpp"
@@ -223,7 +225,8 @@ Out force_curvature(const Mechanism& m, const In<1>& q, const In<1>& v, const In
                     const std::optional<ElementParts>& parts) {
     const std::size_t n = m.n_variables(), r = m.n_inputs, size = 2 * n + r;
     expect(u.size(), r, "u");
-    const std::vector<double> Q = configuration_of(m, q, "q"), V = to_internal(m, v, "v"), MU = to_internal(m, mu, "mu");
+    const std::vector<double> Q = configuration_of(m, q, "q"), V = to_internal(m, v, "v"),
+                              MU = to_internal(m, mu, "mu");
     const auto along_v = duals(Q, V), along_mu = duals(Q, MU);
     Placement<double> at(m);
     Placement<Dual<double>> at_v(m), at_mu(m);
@@ -278,6 +281,15 @@ void bind_mechanism(nb::module_& module) {
                     with_numbers(m, {numbers.data(), numbers.data() + numbers.size()}));
             },
             "numbers"_a, "The same mechanism with other numbers of its elements, but for those of gravity.")
+        .def(
+            "with_bodies",
+            [](const Mechanism& m, const std::vector<std::tuple<int, double, In<1>, In<2>>>& given) {
+                std::vector<std::pair<int, Body>> bodies;
+                for (const auto& [joint, mass, com, inertia] : given)
+                    bodies.push_back({joint, body_of(mass, com, inertia)});
+                return std::const_pointer_cast<Mechanism>(with_bodies(m, bodies));
+            },
+            "bodies"_a, "The same mechanism with other bodies at the same joints: (joint, mass, com, inertia) of each.")
         .def_prop_ro(
             "timed", [](const Mechanism& m) { return m.time_slot >= 0; }, "Whether an element changes with the time.")
         .def(

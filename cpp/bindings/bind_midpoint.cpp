@@ -137,7 +137,6 @@ ManyRollOuts roll_out_many_from(const Midpoint& midpoint, const In<1>& t, const 
 
 nb::tuple linearize_many_of(const Midpoint& midpoint, const In<1>& t, const In<3>& x, const In<3>& u, int threads) {
     const Mechanism& m = midpoint.mechanism();
-    expect_no_balls(m, "derivatives of many motions");
     const std::size_t B = x.shape(0), N = steps_of(t), n = m.n_tangent(), nu = m.n_controls();
     expect(x.size(), B * (N + 1) * m.n_states(), "x");
     expect(u.shape(0), B, "u");
@@ -263,7 +262,7 @@ Out curvature_by_length(const Midpoint& midpoint, const In<1>& t, const In<2>& x
                         bool multipliers, int threads, double first_share) {
     const Mechanism& m = midpoint.mechanism();
     const std::size_t N = check(m, t, x, u), nx = m.n_states(), weights = w.shape(1);
-    expect_no_balls(m, "second derivatives by the time step or numbers");
+    expect_no_balls(m, "second derivatives by the time step");
     expect(w.shape(0), N, "w");
     if (weights != nx) expect(weights, nx + m.n_constraints(), "weights");
     const std::size_t n = nx + m.n_controls() + (multipliers ? m.n_constraints() : 0) + 1;
@@ -278,8 +277,7 @@ Out curvature_by_length(const Midpoint& midpoint, const In<1>& t, const In<2>& x
 Out curvature_by_directions(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u, const In<2>& w,
                             const In<2>& directions, int threads, double first_share) {
     const Mechanism& m = midpoint.mechanism();
-    const std::size_t N = check(m, t, x, u), nx = m.n_states(), weights = w.shape(1), P = directions.shape(0);
-    expect_no_balls(m, "second derivatives by the time step or numbers");
+    const std::size_t N = check(m, t, x, u), nx = m.n_tangent(), weights = w.shape(1), P = directions.shape(0);
     expect(w.shape(0), N, "w");
     if (weights != nx) expect(weights, nx + m.n_constraints(), "weights");
     expect(directions.shape(1), m.numbers.size(), "direction");
@@ -495,6 +493,7 @@ void bind_midpoint(nb::module_& module) {
         .def("momenta", &momenta, "q1"_a, "q2"_a, "u"_a, "dt"_a, "share"_a.none() = nb::none(), "t"_a = 0.0,
              "Momenta (p1, p2) of all variables at both ends of a segment, without constraint forces; share: for how "
              "long forces at the instants act at its start, dt by default.");
+    module.attr("SAME_MOTION") = same_motion;
     using L = Linearization;
     using Sizes = std::vector<std::size_t>;
     const auto n = [](int size) { return static_cast<std::size_t>(size); };

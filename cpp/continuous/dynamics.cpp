@@ -13,8 +13,6 @@ constexpr double lost_inertia = 1e-14;
 // With many right-hand sides the tree pays where a variable has this many above it on average (measured).
 constexpr double deep_on_average = 16;
 
-int padded(int n) { return (n + NewtonMatrix::lanes - 1) / NewtonMatrix::lanes * NewtonMatrix::lanes; }
-
 bool all_finite(const std::vector<double>& values) {
     double sum = 0;
     for (const double x : values) sum += 0.0 * x;
@@ -33,7 +31,7 @@ Continuous::Continuous(std::shared_ptr<const Mechanism> mechanism, double dampin
       nk_(mechanism_->n_kinematic),
       nc_(mechanism_->n_constraints()),
       n_theta_(2 * nq_ + nu_ + nk_),
-      ld_(padded(n_theta_)),
+      ld_(whole_lanes(n_theta_)),
       at_v_(nq_),
       at_u_(2 * nq_),
       at_rho_(2 * nq_ + nu_),

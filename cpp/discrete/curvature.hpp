@@ -85,6 +85,8 @@ private:
     void note_constraint_at_start(int c);
     void note_constraint_at_end(int c);
     void turn_ends();
+    // What a number changes of balls: its gradients by the middle and by both ends, as turns of the ends in place.
+    void turn_number_rows(double dt);
     TurnedAxis axis_at_start(const Ball& ball) const;  // of mu
     double& entry(int a, int b);                       // of (q1, q2) by (q1, q2), a kept triangle of it
     void add_ends(int a, int b, double value);         // of what is symmetric there, called for (a, b) and (b, a)
@@ -162,6 +164,7 @@ private:
     AtInstants by_instants_;
     Eigen::VectorXd g_, at_v_, by_q_, by_v_, T_vv_v_, L_vv_g_;
     Eigen::MatrixXd by_y_, bent_;
+    Eigen::MatrixXd bent_rows_;  // what dt L_q, forces and the start change by with a number, of balls
     std::vector<double> moved_;
 };
 

@@ -6,7 +6,7 @@ namespace leastaction {
 
 FirstOrder::FirstOrder(const Mechanism& m)
     : n_theta(m.n_variables() + m.n_dynamic + m.n_controls()),
-      ld((n_theta + m.n_constraints() + NewtonMatrix::lanes - 1) / NewtonMatrix::lanes * NewtonMatrix::lanes),
+      ld(whole_lanes(n_theta + m.n_constraints())),
       Y(static_cast<std::size_t>(m.n_dynamic + m.n_constraints()) * ld),
       P2(static_cast<std::size_t>(m.n_dynamic) * ld) {}
 
@@ -88,9 +88,7 @@ bool FirstOrder::differentiate(MidpointStep& step, double dt) {
     step.newton().solve(Y.data(), Y.data() + nd * ld, n_theta + nc, ld);
 
     // p2 depends on th through q2 as well.
-    using Rows = Eigen::Map<NewtonMatrix::Matrix>;
-    Rows p2_rows(P2.data(), nd, ld), q2_rows(Y.data(), nd, ld);
-    p2_rows.noalias() += G_y * q2_rows;
+    multiply_rows<Into::add>(G_y, nd, Y.data(), P2.data(), n_theta + nc, ld);
     return true;
 }
 

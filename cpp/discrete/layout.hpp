@@ -12,6 +12,9 @@
 
 namespace leastaction {
 
+// Distance (m or rad) from the end of a step of a motion to the next state, at most.
+constexpr double same_motion = 1e-6;
+
 // Offsets of the parts of state, input and th = [q1 | p1 | u | rho2].
 struct Layout {
     explicit Layout(const Mechanism& m, bool with_multipliers = false)
@@ -147,8 +150,7 @@ struct Layout {
         bool done = solved(false);
         if (changes_sign(step, next)) {
             const double none = std::numeric_limits<double>::infinity(), missed = done ? distance(step, next) : none;
-            constexpr double same = 1e-6;  // rad
-            if (missed > same) {
+            if (missed > same_motion) {
                 done = solved(true);
                 if (!done || distance(step, next) >= missed) done = missed < none && solved(false);
             }
@@ -200,6 +202,50 @@ struct Layout {
         }
         std::copy(by_u, by_u + nu, row + nq + nd);
     }
+};
+
+// The derivatives A (ny, ny) and B (ny, nu) of the end of one step, by rows of th in internal order.
+class StepRows {
+public:
+    StepRows(const Layout& at, double* A, double* B) : at_(at), A_(A), B_(B) {}
+    void clear() {
+        std::fill_n(A_, at_.ny * at_.ny, 0.0);
+        std::fill_n(B_, at_.ny * at_.nu, 0.0);
+    }
+    void put(const double* by_theta, int row) { at_.scatter(by_theta, A_ + row * at_.ny, B_ + row * at_.nu); }
+    // Of the dynamic variable i.
+    void put(const double* q2, const double* p2, int i) {
+        put(q2, at_.m.external[i]);
+        put(p2, at_.nq + at_.m.external[i]);
+    }
+    // Of the prescribed variables.
+    void put_prescribed(double dt) {
+        for (int i = at_.nd; i < at_.nq; ++i) {
+            const int v = at_.nq + i, input = at_.ni + i - at_.nd;
+            B_[i * at_.nu + input] = 1.0;
+            A_[v * at_.ny + i] = -1.0 / dt;
+            B_[v * at_.nu + input] = 1.0 / dt;
+        }
+    }
+    // After that: of those that are turns.
+    void put_prescribed_turns(const MidpointStep& step) {
+        for (const Ball& ball : at_.m.balls) {
+            if (!ball.prescribed) continue;
+            const GivenTurning::Matrix36 end = GivenTurning(&step.q2[ball.variable]).end_slope();
+            for (int i = 0; i < 3; ++i) {
+                const int row = ball.variable + i;
+                for (int j = 0; j < 3; ++j) {
+                    A_[row * at_.ny + ball.variable + j] = end(i, j);
+                    B_[row * at_.nu + at_.ni + ball.variable - at_.nd + j] = end(i, 3 + j);
+                }
+                A_[(at_.nq + row) * at_.ny + row] = 0.0;  // the rate is that of the step alone
+            }
+        }
+    }
+
+private:
+    const Layout& at_;
+    double *A_, *B_;
 };
 
 }  // namespace leastaction

@@ -107,36 +107,12 @@ int Linearization::along(const double* t, const double* X, const double* U, doub
         dt_.data()[k] = dt;
         defect.data()[k] = at.distance(step, next);
         const int ld = first.ld;
-        double *A_k = A.data() + k * ny * ny, *B_k = B.data() + k * ny * nu;
-        if (!zeroed_) {
-            std::fill_n(A_k, ny * ny, 0.0);
-            std::fill_n(B_k, ny * nu, 0.0);
-        }
-        for (int i = 0; i < at.nd; ++i) {
-            const int row = at.m.external[i];
-            at.scatter(&first.Y[i * ld], A_k + row * ny, B_k + row * nu);
-            at.scatter(&first.P2[i * ld], A_k + (at.nq + row) * ny, B_k + (at.nq + row) * nu);
-        }
-        for (int i = at.nd; i < at.nq; ++i) {
-            const int v = at.nq + i, input = at.ni + i - at.nd;
-            B_k[i * nu + input] = 1.0;
-            A_k[v * ny + i] = -1.0 / dt;
-            B_k[v * nu + input] = 1.0 / dt;
-        }
-        for (const Ball& ball : at.m.balls) {
-            if (!ball.prescribed) continue;
-            const GivenTurning::Matrix36 end = GivenTurning(&step.q2[ball.variable]).end_slope();
-            for (int i = 0; i < 3; ++i) {
-                const int row = ball.variable + i;
-                for (int j = 0; j < 3; ++j) {
-                    A_k[row * ny + ball.variable + j] = end(i, j);
-                    B_k[row * nu + at.ni + ball.variable - at.nd + j] = end(i, 3 + j);
-                }
-                A_k[(at.nq + row) * ny + row] = 0.0;  // the rate is that of the step alone
-            }
-        }
-        for (int row = ndx; row < ny; ++row)
-            at.scatter(&first.Y[(at.nd + row - ndx) * ld], A_k + row * ny, B_k + row * nu);
+        StepRows rows(at, A.data() + k * ny * ny, B.data() + k * ny * nu);
+        if (!zeroed_) rows.clear();
+        for (int i = 0; i < at.nd; ++i) rows.put(&first.Y[i * ld], &first.P2[i * ld], i);
+        rows.put_prescribed(dt);
+        rows.put_prescribed_turns(step);
+        for (int c = 0; c < ny - ndx; ++c) rows.put(&first.Y[(at.nd + c) * ld], ndx + c);
         std::copy(step.lam.begin(), step.lam.end(), lam.data() + k * nc);
         double* record = records_.data() + k * record_size_;
         carry(step, first, [&](const double* from, int n) { record = std::copy_n(from, n, record); });

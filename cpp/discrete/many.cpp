@@ -175,34 +175,7 @@ std::vector<OneOfMany> roll_out_many(const Midpoint& integrator, int many, int s
 
 namespace {
 
-constexpr int few_variables = 8;      // dynamic variables: of more, one step after the other is quicker
-constexpr double same_motion = 1e-6;  // m or rad: how far a step of a motion may end from the next state
-
-// Rows of one step by th = [q1 | p1 | u | rho2], in internal order, into A and B of the step.
-class StepRows {
-public:
-    StepRows(const Layout& at, double* by_x, double* by_u) : at_(at), A_(by_x), B_(by_u) {
-        std::fill_n(A_, at.ndx * at.ndx, 0.0);
-        std::fill_n(B_, at.ndx * at.nu, 0.0);
-    }
-    void put(const double* q2, const double* p2, int i) {
-        const int row = at_.m.external[i];
-        at_.scatter(q2, A_ + row * at_.ndx, B_ + row * at_.nu);
-        at_.scatter(p2, A_ + (at_.nq + row) * at_.ndx, B_ + (at_.nq + row) * at_.nu);
-    }
-    void put_prescribed(double dt) {
-        for (int i = at_.nd; i < at_.nq; ++i) {
-            const int v = at_.nq + i, input = at_.ni + i - at_.nd;
-            B_[i * at_.nu + input] = 1.0;
-            A_[v * at_.ndx + i] = -1.0 / dt;
-            B_[v * at_.nu + input] = 1.0 / dt;
-        }
-    }
-
-private:
-    const Layout& at_;
-    double *A_, *B_;
-};
+constexpr int few_variables = 8;  // dynamic variables: of more, one step after the other is quicker
 
 }  // namespace
 
@@ -214,7 +187,9 @@ std::ptrdiff_t linearize_many(const Midpoint& integrator, int many, int steps, c
     const auto x = [&](std::ptrdiff_t b, std::ptrdiff_t k) { return X + (b * (N + 1) + k) * at.nx; };
     const auto u = [&](std::ptrdiff_t b, std::ptrdiff_t k) { return U + (b * N + k) * at.nu; };
     const auto rows = [&](std::ptrdiff_t b, std::ptrdiff_t k) {
-        return StepRows(at, by_x + (b * N + k) * at.ndx * at.ndx, by_u + (b * N + k) * at.ndx * at.nu);
+        StepRows of_step(at, by_x + (b * N + k) * at.ndx * at.ndx, by_u + (b * N + k) * at.ndx * at.nu);
+        of_step.clear();
+        return of_step;
     };
     const auto alone = [&](std::ptrdiff_t b, std::ptrdiff_t k, double dt) {
         auto workspace = integrator.workspace();
@@ -232,6 +207,7 @@ std::ptrdiff_t linearize_many(const Midpoint& integrator, int many, int steps, c
         StepRows to = rows(b, k);
         for (int i = 0; i < at.nd; ++i) to.put(&first.Y[i * first.ld], &first.P2[i * first.ld], i);
         to.put_prescribed(dt);
+        to.put_prescribed_turns(step);
     };
     const bool lanes = at.nd <= few_variables && LaneStep::suits(integrator.workspace()->step);
     const int width = lanes ? lane_count : 1, blocks = (many + width - 1) / width;

@@ -20,6 +20,19 @@ public:
                 const Eigen::VectorXd& e, const Eigen::VectorXd& c, const Eigen::VectorXd& g, NumberDuals& duals)
         : m_(m), step_(step), dt_(dt), mu_(mu), e_(e), c_(c), g_(g), at_(duals) {}
 
+    // What the weights stand before in S along a direction: of dt L_q, of forces, and at the start.
+    void rows(const double* direction, double* of_e, double* of_c, double* of_mu) {
+        at_.look(m_.numbers.data(), direction);
+        for_each_entry(m_.potentials, at_.middle, at_.Q.data(), at_.local,
+                       [&](int i, const Dual<double>& slope) { of_e[i] -= dt_ * slope.d; });
+        for_each_entry(m_.forces, at_.at_middle(), at_.force, [&](int i, const Dual<double>& f) { of_c[i] += f.d; });
+        for_each_entry(m_.instant_forces, at_.at_start(), at_.force,
+                       [&](int i, const Dual<double>& f) { of_mu[i] += step_.share * f.d; });
+        for (int c = 0; c < m_.n_constraints(); ++c)
+            for_each_entry(*m_.constraints[c], at_.start, at_.Q1.data(), at_.local,
+                           [&](int i, const Dual<double>& slope) { of_mu[i] -= step_.lam[c] * slope.d; });
+    }
+
     // S along a direction, at other numbers.
     double value(const double* numbers, const double* direction) {
         const int nd = m_.n_dynamic;
@@ -46,13 +59,14 @@ public:
         return sum;
     }
 
-    // Its gradient by q1, q2, u and lam, each added to.
-    void gradient(const double* direction, double* by_q1, double* by_q2, double* by_u, double* by_lam) {
+    // Its gradient by q and v in the middle, by q1, q2 besides, u and lam, each added to.
+    void gradient(const double* direction, double* by_q, double* by_v, double* by_q1, double* by_q2, double* by_u,
+                  double* by_lam) {
         const int nd = m_.n_dynamic;
         at_.look(m_.numbers.data(), direction);
-        const auto by_middle = [&](int j, double by_q, double by_v) {
-            by_q1[j] += 0.5 * by_q - by_v / dt_;
-            by_q2[j] += 0.5 * by_q + by_v / dt_;
+        const auto by_middle = [&](int j, double of_q, double of_v) {
+            by_q[j] += of_q;
+            by_v[j] += of_v;
         };
         for (const auto& [i, slot] : m_.damping) by_middle(i, 0.0, -c_[i] * direction[slot]);
         for (const Rotor& rotor :
@@ -117,10 +131,11 @@ void SecondOrder::by_numbers(double dt, const FirstOrder& first, const MidpointS
     by.begin(nq_, nu_);
     by_y_.setZero(ny, count);
     g_.setZero(nq_);
-    for (int i = 0; i < nd_; ++i) {
-        by.e[i] = 0.5 * (mu_[i] + w_p[i]);
-        by.c[i] = km * mu_[i] + kp * w_p[i];
-        g_[i] = w_p[i] - mu_[i];
+    const auto [mu_z, w_z, n_z] = this->directions();
+    for (int i = 0; i < n_z; ++i) {
+        by.e[i] = 0.5 * (mu_z[i] + w_z[i]);
+        by.c[i] = km * mu_z[i] + kp * w_z[i];
+        g_[i] = w_z[i] - mu_z[i];
     }
     NumberPoint point(mechanism_, step, dt, mu_, by.e, by.c, g_, slopes.duals);
     const Eigen::Map<const NewtonMatrix::Matrix> Y(first.Y.data(), ny, first.ld);
@@ -130,8 +145,18 @@ void SecondOrder::by_numbers(double dt, const FirstOrder& first, const MidpointS
         by.q1.setZero();
         by.q2.setZero();
         by.u.setZero();
-        point.gradient(directions[a].numbers.data(), by.q1.data(), by.q2.data(), by.u.data(),
+        const double* along = directions[a].numbers.data();
+        by_q_.setZero(nq_);
+        by_v_.setZero(nq_);
+        point.gradient(along, by_q_.data(), by_v_.data(), by.q1.data(), by.q2.data(), by.u.data(),
                        by_y_.col(a).data() + nd_);
+        if (turned_) {
+            bent_rows_.setZero(nq_, 3);
+            point.rows(along, bent_rows_.col(0).data(), bent_rows_.col(1).data(), bent_rows_.col(2).data());
+            turn_number_rows(dt);
+        }
+        by.q1 += 0.5 * by_q_ - by_v_ / dt;
+        by.q2 += 0.5 * by_q_ + by_v_ / dt;
         by_y_.col(a).head(nd_) = by.q2.head(nd_);
         Eigen::Map<Vector> by_theta(out + static_cast<std::ptrdiff_t>(a) * n_theta_, n_theta_);
         by_theta.setZero();

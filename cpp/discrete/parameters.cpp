@@ -101,7 +101,7 @@ void ParameterSlopes::differentiate(MidpointStep& step, const FirstOrder& first,
                                     const std::vector<Parameter>& parameters) {
     const int nd = m_.n_dynamic, ny = nd + m_.n_constraints(), count = static_cast<int>(parameters.size());
     const double km = kappa_minus(step.split(), dt), kp = kappa_plus(step.split(), dt);
-    ld = (count + NewtonMatrix::lanes - 1) / NewtonMatrix::lanes * NewtonMatrix::lanes;
+    ld = whole_lanes(count);
     Y.assign(static_cast<std::size_t>(ny) * ld, 0.0);
     P2.assign(static_cast<std::size_t>(nd) * ld, 0.0);
     const auto by_duals = [&](const Parameter& p) {
@@ -130,8 +130,7 @@ void ParameterSlopes::differentiate(MidpointStep& step, const FirstOrder& first,
         }
     }
     step.newton().solve(Y.data(), Y.data() + nd * ld, count, ld);
-    Eigen::Map<NewtonMatrix::Matrix> p2(P2.data(), nd, ld);
-    p2.noalias() += first.G_y * Eigen::Map<NewtonMatrix::Matrix>(Y.data(), nd, ld);
+    multiply_rows<Into::add>(first.G_y, nd, Y.data(), P2.data(), count, ld);
 }
 
 }  // namespace leastaction

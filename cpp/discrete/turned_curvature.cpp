@@ -247,6 +247,41 @@ void SecondOrder::turn_ends() {
     }
 }
 
+void SecondOrder::turn_number_rows(double dt) {
+    using Vector3 = Eigen::Vector3d;
+    using Vector6 = Eigen::Matrix<double, 6, 1>;
+    const double km = kappa_minus(split_, dt), kp = kappa_plus(split_, dt);
+    const auto times = [](const Vector6& rows, const Matrix6& slope) {
+        Vector6 out = Vector6::Zero();
+        for (int i = 0; i < 6; ++i)
+            for (int j = 0; j < 6; ++j) out[j] += rows[i] * slope(i, j);
+        return out;
+    };
+    auto& [e, c, by_q1, by_q2, by_u] = by_instants_;
+    for (std::size_t b = 0; b < mechanism_.balls.size(); ++b) {
+        const Ball& ball = mechanism_.balls[b];
+        const int at = ball.variable;
+        const Vector3 own = bent_rows_.col(2).segment<3>(at), end = by_q2.segment<3>(at);
+        const Vector3 of_e = bent_rows_.col(0).segment<3>(at), of_c = bent_rows_.col(1).segment<3>(at);
+        Vector6 rows, of_field;
+        rows << by_q_.segment<3>(at), by_v_.segment<3>(at) / dt;
+        of_field << of_e + (km + kp) * of_c, 0.5 * (kp - km) * of_c;
+        by_q1.segment<3>(at) += axis_at_start(ball).slope().transpose() * own;
+        Vector6 by;  // s and d
+        if (ball.prescribed) {
+            const GivenTurning turning(&q2[at]);
+            by = times(rows, turning.slope());
+            const Vector6 ends = turning.end_slope().transpose() * end;
+            by_q1.segment<3>(at) += ends.head<3>();
+            by_q2.segment<3>(at) = ends.tail<3>();
+        } else {
+            by = times(rows, turned_->turnings[b].slope()) + times(of_field, turned_->fields[b].slope());
+        }
+        by_q_.segment<3>(at) = by.head<3>();
+        by_v_.segment<3>(at) = dt * by.tail<3>();
+    }
+}
+
 // Of balls that are prescribed: mu_h.h at the end, which alpha and e turn, and the weights on where they end themselves.
 void SecondOrder::add_prescribed_turns() {
     const Mechanism& m = mechanism_;

@@ -29,8 +29,6 @@ double dot(const double* a, const double* b, int n) {
 
 double size_of(const Vec3<double>& a) { return std::abs(a.x) + std::abs(a.y) + std::abs(a.z); }
 
-int padded(int n) { return (n + LoopNewton::lanes - 1) / LoopNewton::lanes * LoopNewton::lanes; }
-
 }  // namespace
 
 bool LoopNewton::fits(const Mechanism& m) {
@@ -186,7 +184,7 @@ void LoopNewton::lay_out(const std::vector<int>& order) {
         most_open = std::max(most_open, open);
     }
     first_slot_ = blocks * r_;
-    ld_ = padded(first_slot_ + most_open + spare_slots);
+    ld_ = whole_lanes(first_slot_ + most_open + spare_slots);
 }
 
 void LoopNewton::to_basis(const Vec3<double>& v, const Vec3<double>& w, double* out) const {

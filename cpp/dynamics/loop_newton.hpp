@@ -22,12 +22,13 @@
 #include <vector>
 
 #include "dynamics/lagrangian.hpp"
+#include "numerics/wide_rows.hpp"
 
 namespace leastaction {
 
 class LoopNewton {
 public:
-    static constexpr int lanes = 8;
+    static constexpr int lanes = row_lanes;
 
     // Whether constraints are of two points each that dynamic variables alone move; plain trees only (`Mechanism::plain`,
     // `only_tree_couples`).

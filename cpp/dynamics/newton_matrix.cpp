@@ -17,29 +17,6 @@ inline void subtract_multiple(double* a, double factor, const double* b, int n) 
     for (int i = 0; i < n; i += NewtonMatrix::lanes) Eigen::Map<Wide>(a + i) -= factor * Eigen::Map<const Wide>(b + i);
 }
 
-// Some neighbouring vectors of a row, in registers.
-template <int wides>
-class WideRow {
-public:
-    explicit WideRow(const double* from) {
-        for (int w = 0; w < wides; ++w) part_[w] = at(from, w);
-    }
-    void add_multiple(double factor, const double* b) {
-        for (int w = 0; w < wides; ++w) part_[w] += factor * at(b, w);
-    }
-    void put(double* to) const {
-        for (int w = 0; w < wides; ++w) Eigen::Map<Wide>(to + w * NewtonMatrix::lanes) = part_[w];
-    }
-
-private:
-    static Eigen::Map<const Wide> at(const double* from, int w) {
-        return Eigen::Map<const Wide>(from + w * NewtonMatrix::lanes);
-    }
-    Wide part_[wides];
-};
-
-int padded(int n) { return (n + NewtonMatrix::lanes - 1) / NewtonMatrix::lanes * NewtonMatrix::lanes; }
-
 // x -= tau v (v.x) with v = [1; tail]: a reflection of Householder's.
 template <class Part, class Tail>
 void reflect(Part&& x, double tau, const Tail& tail) {
@@ -70,11 +47,11 @@ void LeastNorm::solve(const double* b, double* x) {
 }
 
 NewtonMatrix::NewtonMatrix(const Mechanism& mechanism)
-    : stride(padded(mechanism.n_dynamic) + lanes),
+    : stride(whole_lanes(mechanism.n_dynamic) + lanes),
       coupled_(mechanism.coupled),
       n_(mechanism.n_dynamic),
       nc_(mechanism.n_constraints()),
-      nc_padded_(padded(nc_)),
+      nc_padded_(whole_lanes(nc_)),
       reciprocal_(n_),
       pivots_(nc_),
       padded_(n_ + lanes),
@@ -241,7 +218,6 @@ void NewtonMatrix::take_least_norm(const double* C1, int ld, double* lam) {
     C1t_least_norm_.solve(C1t_lam_.data(), lam);
 }
 
-// A panel of columns, `wides` vectors across: enough independent chains to hide the latency of each.
 template <int wides>
 void NewtonMatrix::solve_panel(double* b, int ld) const {
     const auto part = [&](int row, int w) { return Eigen::Map<Wide>(b + row * ld + w * lanes); };
@@ -253,30 +229,17 @@ void NewtonMatrix::solve_panel(double* b, int ld) const {
             for (int w = 0; w < wides; ++w) part(i, w) -= l[i] * row[w];
     }
     for (int k = 0; k < n_; ++k) {
-        Wide row[wides];
-        for (int w = 0; w < wides; ++w) row[w] = part(k, w);
+        WideRow<wides> row(b + k * ld);
         const double* u = &M[static_cast<std::size_t>(k) * stride];
-        for (const int j : coupled_[k])
-            for (int w = 0; w < wides; ++w) row[w] -= u[j] * part(j, w);
-        for (int w = 0; w < wides; ++w) part(k, w) = row[w] * reciprocal_[k];
+        for (const int j : coupled_[k]) row.subtract_multiple(u[j], b + j * ld);
+        row.scale(reciprocal_[k]);
+        row.put(b + k * ld);
     }
-}
-
-// Calls panel(wides, first) for panels of columns that are three vectors across, as long as there are so many.
-template <class Panel>
-void NewtonMatrix::each_panel(int cols, int ld, const Panel& panel) {
-    using std::integral_constant;
-    int first = 0;
-    for (; first + 2 * lanes < cols && first + 3 * lanes <= ld; first += 3 * lanes)
-        panel(integral_constant<int, 3>(), first);
-    for (; first + lanes < cols && first + 2 * lanes <= ld; first += 2 * lanes)
-        panel(integral_constant<int, 2>(), first);
-    for (; first < cols; first += lanes) panel(integral_constant<int, 1>(), first);
 }
 
 void NewtonMatrix::solve_M(double* b, int cols, int ld) const {
     if (tree_) return tree_->solve(b, cols, ld);
-    each_panel(cols, ld, [&](auto wides, int first) { solve_panel<wides()>(b + first, ld); });
+    each_panel(cols, [&](auto wides, int first) { solve_panel<wides()>(b + first, ld); });
 }
 
 void NewtonMatrix::solve_M(double* b) const {
@@ -303,32 +266,19 @@ void NewtonMatrix::solve(double* f, double* g) {
     solve_M(padded_.data());
     std::copy(padded_.begin(), padded_.begin() + n_, f);
     if (nc_ == 0) return;
-    Eigen::Map<Eigen::VectorXd> y(f, n_), l(g, nc_);
-    l.noalias() -= C2_ * y;
+    const Eigen::Map<const Eigen::VectorXd> y(f, n_), l(g, nc_);
+    for (int c = 0; c < nc_; ++c) g[c] -= C2_.row(c).dot(y);
     solve_schur(g);
-    y.noalias() += M_inv_C1t_.leftCols(nc_) * l;
+    for (int i = 0; i < n_; ++i) f[i] += M_inv_C1t_.row(i).head(nc_).dot(l);
 }
 
 void NewtonMatrix::solve(double* f, double* g, int cols, int ld) {
     solve_M(f, cols, ld);
     if (nc_ == 0) return;
     // l = S^-1 (g - C2 M^-1 f),  y = M^-1 f + (M^-1 C1') l
-    each_panel(cols, ld, [&](auto wides, int first) {
-        for (int c = 0; c < nc_; ++c) {
-            WideRow<wides()> row(g + c * ld + first);
-            for (int i = 0; i < n_; ++i)
-                if (C2_(c, i) != 0.0) row.add_multiple(-C2_(c, i), f + i * ld + first);
-            row.put(g + c * ld + first);
-        }
-    });
+    multiply_rows<Into::subtract>(C2_, n_, f, g, cols, ld);
     solve_schur(g, cols, ld);
-    each_panel(cols, ld, [&](auto wides, int first) {
-        for (int i = 0; i < n_; ++i) {
-            WideRow<wides()> row(f + i * ld + first);
-            for (int c = 0; c < nc_; ++c) row.add_multiple(M_inv_C1t_(i, c), g + c * ld + first);
-            row.put(f + i * ld + first);
-        }
-    });
+    multiply_rows<Into::add>(M_inv_C1t_, nc_, g, f, cols, ld);
 }
 
 void NewtonMatrix::solve_schur(double* g) {

@@ -15,6 +15,7 @@
 #include "dynamics/loop_newton.hpp"
 #include "dynamics/tree_newton.hpp"
 #include "mechanism/mechanism.hpp"
+#include "numerics/wide_rows.hpp"
 
 namespace leastaction {
 
@@ -41,7 +42,7 @@ public:
 
     explicit NewtonMatrix(const Mechanism& mechanism);
 
-    static constexpr int lanes = 8;  // rows are padded, so that wide loops may run past their ends
+    static constexpr int lanes = row_lanes;  // rows are padded, so that wide loops may run past their ends
 
     const int stride;       // of the rows of M
     std::vector<double> M;  // n rows; filled by the caller after clear(), overwritten by its factors
@@ -80,8 +81,6 @@ public:
 private:
     bool eliminate();
     bool factor_schur(const double* C1, const double* C2, int ld);
-    template <class Panel>
-    static void each_panel(int cols, int ld, const Panel& panel);
     template <int wides>
     void solve_panel(double* b, int ld) const;
     void solve_M(double* b, int cols, int ld) const;

@@ -33,6 +33,7 @@
 #include "dynamics/lagrangian.hpp"
 #include "dynamics/newton_euler.hpp"
 #include "numerics/small_matrix.hpp"
+#include "numerics/wide_rows.hpp"
 
 namespace leastaction {
 
@@ -45,7 +46,7 @@ struct BallTurn {
 
 class TreeNewton {
 public:
-    static constexpr int lanes = 8;
+    static constexpr int lanes = row_lanes;
 
     // Whether it beats the elimination of the matrix itself.
     static bool is_faster(const Mechanism& mechanism);

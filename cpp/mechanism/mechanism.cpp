@@ -457,6 +457,19 @@ void MechanismBuilder::order_variables(Mechanism& m) const {
 }
 
 // Everything that may change while the structure stays.
+static void set_bodies(Mechanism& m, const std::vector<std::pair<int, Body>>& bodies) {
+    m.bodies.assign(m.n_massive, Body{});
+    m.fixed_potential = 0;
+    for (const auto& [joint, body] : bodies) {
+        if (joint < 0) {
+            m.fixed_potential -= body.mass * dot(m.gravity, body.com);
+        } else if (!body.is_empty()) {
+            Body& sum = m.bodies.at(joint);
+            sum = sum.is_empty() ? body : merged(sum, body);
+        }
+    }
+}
+
 void MechanismBuilder::set_numbers(Mechanism& m) const {
     m.numbers = numbers_;
     m.gravity_slot = gravity_slot_;
@@ -477,16 +490,7 @@ void MechanismBuilder::set_numbers(Mechanism& m) const {
         m.joints[balls_[b]].axis = Axis::screw;
         m.joints[balls_[b]].quaternion = m.balls[b].quaternion;
     }
-    m.bodies.assign(m.n_massive, Body{});
-    m.fixed_potential = 0;
-    for (const auto& [joint, body] : bodies_) {
-        if (joint < 0) {
-            m.fixed_potential -= body.mass * dot(m.gravity, body.com);
-        } else if (!body.is_empty()) {
-            Body& sum = m.bodies[joint];
-            sum = sum.is_empty() ? body : merged(sum, body);
-        }
-    }
+    set_bodies(m, bodies_);
 }
 
 std::shared_ptr<const Mechanism> MechanismBuilder::build() const {
@@ -553,6 +557,18 @@ std::shared_ptr<const Mechanism> with_numbers(const Mechanism& mechanism, std::v
         throw std::invalid_argument("the numbers of gravity are part of more");
     auto m = std::make_shared<Mechanism>(mechanism);
     m->numbers = std::move(numbers);
+    return m;
+}
+
+std::shared_ptr<const Mechanism> with_bodies(const Mechanism& mechanism,
+                                             const std::vector<std::pair<int, Body>>& bodies) {
+    const auto structure = "the other mechanism is of another structure";
+    for (const auto& [joint, body] : bodies)
+        if (joint >= mechanism.n_massive && !body.is_empty()) throw std::invalid_argument(structure);
+    auto m = std::make_shared<Mechanism>(mechanism);
+    set_bodies(*m, bodies);
+    if (!std::ranges::equal(m->bodies, mechanism.bodies, {}, &Body::is_empty, &Body::is_empty))
+        throw std::invalid_argument(structure);
     return m;
 }
 

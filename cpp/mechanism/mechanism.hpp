@@ -111,6 +111,9 @@ public:
 // The same mechanism with other numbers of its elements, all of them by slot. Throws std::invalid_argument where there are
 // as many no longer, or those of gravity change, which fixed masses keep as a potential.
 std::shared_ptr<const Mechanism> with_numbers(const Mechanism& mechanism, std::vector<double> numbers);
+// The same with other bodies, each at its joint (-1: the world). Throws std::invalid_argument where other joints have any.
+std::shared_ptr<const Mechanism> with_bodies(const Mechanism& mechanism,
+                                             const std::vector<std::pair<int, Body>>& bodies);
 
 // The same mechanism for steps in which the forces of some inputs act at the instants, with none of the velocity, as those
 // of constraints do. Throws std::invalid_argument where a force has such inputs and others.

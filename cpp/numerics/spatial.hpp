@@ -42,7 +42,7 @@ auto dot(const Vec3<T>& a, const Vec3<U>& b) {
     return a.x * b.x + a.y * b.y + a.z * b.z;
 }
 template <class T, class U>
-auto cross(const Vec3<T>& a, const Vec3<U>& b) {
+[[gnu::always_inline]] inline auto cross(const Vec3<T>& a, const Vec3<U>& b) {
     return Vec3<decltype(a.x * b.x)>{a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
@@ -158,7 +158,7 @@ Inertia<T>& operator+=(Inertia<T>& a, const Inertia<T>& b) {
     return a;
 }
 template <class T>
-Force<T> operator*(const Inertia<T>& a, const Motion<T>& s) {
+[[gnu::always_inline]] inline Force<T> operator*(const Inertia<T>& a, const Motion<T>& s) {
     return {a.m * s.v + cross(s.w, a.h), a.I * s.w + cross(a.h, s.v)};
 }
 

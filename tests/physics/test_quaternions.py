@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from leastaction.errors import ArgumentError
 from leastaction.mechanics import (
     Gravity,
     Mechanism,
@@ -181,6 +182,11 @@ def test_energy_of_steps_past_half_a_turn(turn: float) -> None:
         x = made.x.copy()
         x[1::2, :4] *= sign
         assert vi.core.energies(t, x, u, made.lam) == pytest.approx(made.energies)
+
+
+def test_forces_of_rotations_act_half_at_each_end() -> None:
+    with pytest.raises(ArgumentError, match=r"split: got 'left' where rotations are quaternions \(top\)"):
+        MidpointVI(heavy_top(), split="left")
 
 
 def ring(rods: int, heavy: float) -> tuple[Mechanism, Array]:

@@ -25,8 +25,6 @@ from leastaction.numerics.arrays import Array, as_array, as_count, as_times, rea
 from leastaction.numerics.public import public
 from leastaction.systems.midpoint import MidpointSystem
 
-_SAME_MOTION = 1e-6  # distance (m, rad, or of a quaternion's numbers) from a step's end to the next state of a motion
-
 
 @public
 @dataclass(frozen=True, eq=False)
@@ -222,29 +220,9 @@ def linearize_many(
     states = np.ascontiguousarray(as_array(x, "x", (None, N + 1, m.nx), meaning="(B, N+1, nx)"))
     inputs = as_array(u, "u", (len(states), N, m.n_inputs + m.nrho), meaning="(B, N, nu)")
     count = as_count(threads, "threads", 0) or os.cpu_count() or 1
-    if m.nx != m.ndx:
-        return _each_linearized(integrator, times, states, inputs, count)
     A, B, done = integrator.core.linearize_many(times, states, np.ascontiguousarray(inputs), count)
     if done < len(states) * N:
         raise _no_step(*divmod(done, N))
-    return A, B
-
-
-def _each_linearized(vi: MidpointVI, t: Array, x: Array, u: Array, threads: int) -> tuple[Array, Array]:
-    """Return the same where rotations are quaternions: of each motion alone, and several at once by threads."""
-    m, N = vi.mechanism, len(t) - 1
-    A, B = np.empty((len(x), N, m.ndx, m.ndx)), np.empty((len(x), N, m.ndx, u.shape[2]))
-    system = MidpointSystem(vi, t)
-
-    def one(i: int) -> None:
-        ends = system.step_each(x[i], u[i]).x
-        off = np.abs(ends - x[i, 1 : len(ends) + 1])[:, : m.nq].max(axis=1) > _SAME_MOTION
-        if off.any() or len(ends) < N:
-            raise _no_step(i, int(np.argmax(np.append(off, True))))
-        A[i], B[i] = system.linearize(x[i], u[i])
-
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(one, range(len(x))))
     return A, B
 
 

@@ -311,7 +311,7 @@ class MidpointSystem(DiscreteSystem):
     ) -> Array | None:
         """Return second derivatives by numbers of elements; None where a name is another number, or the final time."""
         vi, m = self.integrator, self.mechanism
-        if FINAL_TIME in names or type(self).f is not MidpointSystem.f or self.space is not None:
+        if FINAL_TIME in names or type(self).f is not MidpointSystem.f:
             return None
         each, sums = m.members_of(names)
         slots = m.slots_of_elements(each)
@@ -323,8 +323,8 @@ class MidpointSystem(DiscreteSystem):
         found = vi.core.curvature_by_numbers(
             t, self._bare(x), u, z, directions, threads=vi.threads, first_share=self._share(start)
         )
-        out = np.zeros((len(u), len(names), self.nx + self.nu + len(names)))
-        out[:, :, : m.nx], out[:, :, self.nx :] = found[:, :, : m.nx], found[:, :, m.nx :]
+        out = np.zeros((len(u), len(names), self.ndx + self.nu + len(names)))
+        out[:, :, : m.ndx], out[:, :, self.ndx :] = found[:, :, : m.ndx], found[:, :, m.ndx :]
         return out
 
     def start_by_parameters(self, x: Array, names: Sequence[str], free: bool | Sequence[str]) -> Array:

@@ -16,8 +16,6 @@ from leastaction.mechanics.mechanism.arguments import check_same_names
 from leastaction.numerics.arrays import Array, require_instance
 from leastaction.numerics.memory import MAX_BYTES, check_memory
 
-_TRAJECTORY_TOLERANCE = 1e-6  # (m or rad) of a step's end, for what counts as a trajectory
-
 
 def linearize(
     vi: Integrator, trajectory: Trajectory, *, multipliers: bool = False, out: StepDerivatives | None = None
@@ -49,7 +47,7 @@ def linearize(
     check_trajectory(vi, trajectory)
     t = trajectory.t
     d = linearize_arrays(vi, t, trajectory.x, trajectory.u, multipliers=multipliers, out=out)
-    wrong = np.flatnonzero(d.defect > _TRAJECTORY_TOLERANCE)
+    wrong = np.flatnonzero(d.defect > _core.SAME_MOTION)
     if len(wrong):
         k = int(wrong[0])
         raise StepError(

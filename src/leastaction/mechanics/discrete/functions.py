@@ -191,7 +191,7 @@ class _Middle:
         evaluate: Evaluate = self.composed(of, factor)
         if self.turns is not None:
             assert isinstance(self.turns.function, TurnedStep)
-            pushes = PushedStep(self.turns.function, shares, side)
+            pushes = PushedStep(self.turns.function, side)
             evaluate = PushedBack(self.composed(of, 1.0), self.turns, pushes, self.turns.y[:, :3], factor)
         arguments = {"q1": n, "q2": n, "u": of.size - 2 * n}
         name = f"fd{'-+'[side]} of {of.name}"

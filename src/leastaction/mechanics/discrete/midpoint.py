@@ -79,6 +79,7 @@ class MidpointVI(Integrator):
     mechanism : Mechanism
     split : {"symmetric", "left"}, optional
         How a force acts on a step: half at each end (second order accurate), or all at the start (dissertation 4.12).
+        Where rotations are quaternions it is half at each end.
     tolerance : float, optional
         Largest residual of a step relative to the size of its terms.
     max_iterations : int, optional
@@ -92,8 +93,8 @@ class MidpointVI(Integrator):
     Raises
     ------
     ArgumentError
-        For an unknown split, a tolerance or count out of range, an unknown input, or an element of which some inputs
-        act at the instants and others do not.
+        For an unknown split, or "left" beside rotations that are quaternions, a tolerance or count out of range, an
+        unknown input, or an element of which some inputs act at the instants and others do not.
     """
 
     def __init__(
@@ -108,6 +109,12 @@ class MidpointVI(Integrator):
     ) -> None:
         require_instance(mechanism, "mechanism", Mechanism)
         as_choice(split, "split", get_args(Split))
+        if split == "left" and mechanism.tree.rotations:
+            names = ", ".join(each.name for each in mechanism.tree.rotations)
+            raise ArgumentError(
+                f"split: got 'left' where rotations are quaternions ({names}), whose forces act half at each end; "
+                "take split='symmetric', or three angles (axes='xyz')"
+            )
         self.mechanism = mechanism
         self.split: Split = split
         self.shares = (0.5, 0.5) if split == "symmetric" else (1.0, 0.0)

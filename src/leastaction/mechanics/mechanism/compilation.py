@@ -13,6 +13,7 @@ from leastaction.errors import DescriptionError, closest
 from leastaction.mechanics.description.tree import Tree
 from leastaction.mechanics.elements import Compiler, Context, Element, Parts, Potential
 from leastaction.mechanics.mechanism.shared import checked_groups
+from leastaction.numerics.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -77,13 +78,8 @@ class Plan:
                 builder.couple_joint(index, variable[name], factor)
         for ball in self.tree.rotations:
             builder.add_ball(ball.joint)
-        # What overflows is refused with the inertia that it makes.
-        with np.errstate(over="ignore", invalid="ignore"):
-            for joint_index, body, pose in self.tree.bodies():
-                rotation, origin = pose[:3, :3], pose[:3, 3]
-                inertia = rotation @ body.inertia @ rotation.T
-                centre, symmetric = rotation @ body.com + origin, (inertia + inertia.T) / 2.0
-                builder.add_body(joint_index, body.mass, centre, symmetric)
+        for body in bodies_of(self.tree):
+            builder.add_body(*body)
         for name, element in self.elements.items():
             before = builder.counts()
             element.add_to(core.within(name, element.label, element.numbers))
@@ -93,6 +89,18 @@ class Plan:
         for name, value in self.numbers.items():
             builder.set_number(core.parameters[name], value)
         return core
+
+
+def bodies_of(tree: Tree) -> list[tuple[int, float, Array, Array]]:
+    """Return joint, mass, centre (3,) and inertia (3, 3) about it of every body, in the joint's axes."""
+    found = []
+    # What overflows is refused with the inertia that it makes.
+    with np.errstate(over="ignore", invalid="ignore"):
+        for joint, body, pose in tree.bodies():
+            rotation, origin = pose[:3, :3], pose[:3, 3]
+            inertia = rotation @ body.inertia @ rotation.T
+            found.append((joint, body.mass, rotation @ body.com + origin, (inertia + inertia.T) / 2.0))
+    return found
 
 
 def plan(

@@ -21,7 +21,7 @@ from leastaction.mechanics.elements import Element, Parts
 from leastaction.mechanics.mechanism import queries
 from leastaction.mechanics.mechanism.arguments import Compiled, batch, configuration_by_name
 from leastaction.mechanics.mechanism.changes import freed, with_values
-from leastaction.mechanics.mechanism.compilation import Plan, plan
+from leastaction.mechanics.mechanism.compilation import Plan, bodies_of, plan
 from leastaction.mechanics.mechanism.equality import names_hash, same
 from leastaction.mechanics.mechanism.parameters import (
     ElementNumber,
@@ -386,15 +386,25 @@ class Mechanism(Compiled):
         """
         numbers = spread(self._plan.shared, checked(values))
         places = self.parameter_places(list(numbers))
-        slots = self.slots_of_elements(list(numbers))
-        if slots is not None:
-            return self._with_slots(numbers, slots)
         tree = with_values(
             self.tree, {places[name]: value for name, value in numbers.items()}, allow_nonphysical=allow_nonphysical
         )
-        result = self._of(self._plan.with_numbers(tree, numbers, self._owners), like=self.core)
+        settled = self._plan.with_numbers(tree, numbers, self._owners)
+        slots = {name: place.slot for name, place in places.items() if isinstance(place, ElementNumber)}
+        if tree.joints is self.tree.joints and not self._of_gravity(slots.values()):
+            core = self.core
+            if slots:
+                all_numbers = core.numbers
+                all_numbers[list(slots.values())] = [numbers[name] for name in slots]
+                core = core.with_numbers(all_numbers)
+            if tree is not self.tree:
+                core = core.with_bodies(bodies_of(tree))
+            result = Mechanism.__new__(Mechanism)
+            vars(result).update({**vars(self), "_plan": settled, "tree": tree, "core": core})
+        else:
+            result = self._of(settled, like=self.core)
         if tree is not self.tree:
-            check_masses(tree, result._plan.rotors, self.variables, result.core, self.core)
+            check_masses(tree, settled.rotors, self.variables, result.core, self.core)
         return result.at_time(self.time)
 
     def at_time(self, t: float) -> Mechanism:
@@ -423,18 +433,11 @@ class Mechanism(Compiled):
         """
         places = self.parameter_places(list(names)).values()
         slots = [place.slot for place in places if isinstance(place, ElementNumber)]
-        gravity = self.core.gravity_slot
-        of_gravity = gravity >= 0 and any(0 <= slot - gravity < 3 for slot in slots)
-        return None if len(slots) < len(places) or of_gravity else slots
+        return None if len(slots) < len(places) or self._of_gravity(slots) else slots
 
-    def _with_slots(self, numbers: Mapping[str, float], slots: Sequence[int]) -> Mechanism:
-        """Return the same mechanism with other numbers of elements, in these slots of the core."""
-        values = self.core.numbers
-        values[slots] = list(numbers.values())
-        result = Mechanism.__new__(Mechanism)
-        settled = self._plan.with_numbers(self.tree, numbers, self._owners)  # what an element refuses is said first
-        vars(result).update({**vars(self), "_plan": settled, "core": self.core.with_numbers(values)})
-        return result
+    def _of_gravity(self, slots: Iterable[int]) -> bool:
+        first = self.core.gravity_slot
+        return first >= 0 and any(0 <= slot - first < 3 for slot in slots)
 
     def with_free_lengths(self, lengths: Mapping[str, Prescribed]) -> Mechanism:
         """Return the mechanism with numbers of frames as kinematic variables, after all the others.

@@ -122,6 +122,10 @@ def _stems(tree: Tree) -> list[str]:
     return stems
 
 
+def _frame_names(tree: Tree) -> list[str]:
+    return [frame.name for frame in tree.frames]
+
+
 def _tree_places(tree: Tree) -> dict[str, Place]:
     places: dict[str, Place] = {}
     for index, stem in enumerate(_stems(tree)):
@@ -192,19 +196,17 @@ def find(tree: Tree, slots: Mapping[str, int], names: object) -> dict[str, Place
     for name in names:
         if not isinstance(name, str):
             raise unknown("parameter", name, parameter_places(tree, slots))
-    # Those of elements are found without naming all that frames have, which takes longer than a short simulation.
+    # No more frames are named than have to be: naming all takes longer than a short simulation.
     places: dict[str, Place] = {name: ElementNumber(slots[name]) for name in names if name in slots}
-    if any(name not in places for name in names):
-        places = parameter_places(tree, slots)
-    if any(name not in places for name in names):
-        by_frame: dict[str, Place] = {}
-        for index, frame in enumerate(tree.frames):
-            by_frame.update(_frame_places(tree, index, frame.name))
-        places = by_frame | places
+    for stems_of in (_stems, _frame_names):
+        missing = [name for name in names if name not in places]
+        for index, stem in enumerate(stems_of(tree) if missing else ()):
+            if any(name.startswith(f"{stem}.") for name in missing):
+                places = _frame_places(tree, index, stem) | places
     found: dict[str, Place] = {}
     for name in names:
         if name not in places:
-            raise unknown("parameter", name, places)
+            raise unknown("parameter", name, parameter_places(tree, slots))
         if name in found:
             raise ArgumentError(f"parameters: {name!r} is listed twice; name each one once")
         found[name] = places[name]

@@ -61,26 +61,17 @@ class TurnedStep:
 
 @dataclass(frozen=True)
 class PushedStep:
-    """How turns of one end of a step, 0 the start or 1 the end, count in forces at the middle.
-
-    They act with their shares at both ends: ``dt f . (share1 dq1 + share2 dq2)``, of q1 and q2 in the chart about the
-    middle (cpp/discrete/turning.hpp).
-    """
+    """How turns of one end of a step, 0 the start or 1 the end, count in forces at the middle, which they turn."""
 
     step: TurnedStep
-    shares: tuple[float, float]
     side: int
 
     def __call__(self, y: Jets, w: Jets) -> Jets:
-        """Return what that end turned by w moves the middle by."""
+        """Return what that end turned by w turns the middle by, times dt."""
         mark = 1 << max((key.bit_length() for each in (*y, *w) for key in each.parts), default=0)  # one more direction
         turn = [each * Jet({mark: np.ones(())}) for each in w]
-        (phi, middle), (turned, there) = self.step.moved(y), self.step.moved(y, *((), turn) if self.side else (turn,))
-        xi = [2.0 * each.along(mark) for each in _product(_inverse(middle), there)[1:]]
-        bend = (xi[2] * phi[1], -1.0 * xi[2] * phi[0], xi[1] * phi[0])
-        first, second = self.shares
-        rest = [0.5 * (second - first) * (each.along(mark) - more) for each, more in zip(turned, bend, strict=True)]
-        return [self.step.dt * ((first + second) * x + more) for x, more in zip(xi, rest, strict=True)]
+        (_, middle), (_, there) = self.step.moved(y), self.step.moved(y, *((), turn) if self.side else (turn,))
+        return [2.0 * self.step.dt * each.along(mark) for each in _product(_inverse(middle), there)[1:]]
 
 
 # Quaternions, scalar first.
