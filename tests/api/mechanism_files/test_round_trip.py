@@ -17,7 +17,7 @@ from conformance.loader import load_case
 from fuzz.describe import Description, build, descriptions
 from fuzz.pieces import ELEMENTS
 from fuzz.questions import changes
-from leastaction.errors import ModelFileError
+from leastaction.errors import DescriptionError, ModelFileError
 from leastaction.mechanics import Potential
 from leastaction.mechanics.mechanism.record import mechanism_type
 from leastaction.mechanics.mechanism.record.schema import SCHEMA_FILE
@@ -304,3 +304,19 @@ def test_written_by_hand() -> None:
         la.ExpressionForce(1, along=ex.distance("cart", "bob")),
     ]
     assert by_hand == la.Mechanism(tree, elements)
+
+
+def test_products_with_a_sign_or_a_number_come_back() -> None:
+    """Two by two, SymPy takes the number of a product into a sum: another expression, of the same value."""
+    sympy = pytest.importorskip("sympy")
+    from leastaction.expressions import point, variable
+    from leastaction.mechanics.expressions.text import expression_of, expression_text
+
+    x, y = variable("x"), variable("y")
+    products = -((x**2 + 1) * sympy.sqrt(y)), -((x + 1) * (y + 2) / 3), 2 * ((x + 1) * y), -((x + 1) / (y * (x + 2)))
+    for product in products:
+        assert expression_of(expression_text(product)) == product
+    assert expression_of("-(variable('x') + 1)") == -x - 1
+    assert expression_of("dot(-2*point('a')/4, point('b'))") == -point("a").dot(point("b")) / 2
+    with pytest.raises(DescriptionError, match="is no formula: only a scalar divides"):
+        expression_of("point('a')/point('b')")

@@ -14,6 +14,7 @@ from __future__ import annotations
 import ast
 import operator
 from collections.abc import Callable
+from functools import reduce
 from typing import Any
 
 import sympy
@@ -48,8 +49,6 @@ _CONSTANTS = {"pi": sympy.pi, "E": sympy.E}
 _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
     ast.Pow: operator.pow,
 }
 
@@ -106,6 +105,28 @@ def expression_of(text: str) -> sympy.Expr:
     return result
 
 
+def _is_product(node: ast.expr) -> bool:
+    if isinstance(node, ast.UnaryOp):
+        return isinstance(node.op, ast.USub)
+    return isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Mult, ast.Div))
+
+
+def _is_scalar(value: Any) -> bool:
+    return isinstance(value, sympy.Expr) and not getattr(value, "is_Matrix", False)
+
+
+def _factors(node: ast.expr) -> list[Any]:
+    """Return the factors of a product in their order, of what it is divided by the inverse, of a sign -1."""
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        return [sympy.Integer(-1), *_factors(node.operand)]
+    if isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Mult, ast.Div)):
+        first, last = _factors(node.left), _read(node.right)
+        if isinstance(node.op, ast.Div) and not _is_scalar(last):
+            raise TypeError("only a scalar divides")
+        return [*first, last if isinstance(node.op, ast.Mult) else 1 / last]
+    return [_read(node)]
+
+
 def _read(node: ast.expr) -> Any:
     if isinstance(node, ast.Constant) and type(node.value) in (int, float, str):
         return node.value if isinstance(node.value, str) else sympy.sympify(node.value)
@@ -113,8 +134,12 @@ def _read(node: ast.expr) -> Any:
         return _CONSTANTS[node.id]
     if isinstance(node, ast.Tuple):
         return [_read(part) for part in node.elts]
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd)):
-        return -_read(node.operand) if isinstance(node.op, ast.USub) else _read(node.operand)
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd):
+        return _read(node.operand)
+    if _is_product(node):
+        # All at once: two by two, SymPy takes the number of ``-(x + 1)*y`` into the sum.
+        factors = _factors(node)
+        return sympy.Mul(*factors) if all(map(_is_scalar, factors)) else reduce(operator.mul, factors)
     if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
         first, second = _read(node.left), _read(node.right)
         if isinstance(node.op, ast.Pow) and getattr(second, "is_number", False) and abs(second) > _HIGHEST_POWER:
