@@ -540,12 +540,16 @@ def test_the_limit_on_iterations_says_what_moves_and_how_fast():
     assert "a larger R" in early.message or "more are needed" in early.message
     # Where the expected decrease is, by moving each input alone.
     given = BY_NAME["planar arm, tracking, R 1e-06, final 10, rest"].build()
-    start = optimize(given.system, given.cost, initial=(given.x, given.u), max_iterations=0)
+    start = optimize(given.system, given.cost, initial=(given.x, given.u), max_iterations=3)
     assert re.search(r"'motor\d' around step \d+ at t = ", start.message)
+    # Cut off at once, it has no speed and no direction that it keeps to.
+    start = optimize(given.system, given.cost, initial=(given.x, given.u), max_iterations=0)
+    assert "The expected decrease is still" in start.message
+    assert "around step" not in start.message
     assert "iterations lowered" not in start.message
     # Prescribed variables are inputs too.
     given = BY_NAME["chain of 4, travel, R 1, final 10000, rest"].build()
-    start = optimize(given.system, given.cost, initial=(given.x, given.u), max_iterations=0)
+    start = optimize(given.system, given.cost, initial=(given.x, given.u), max_iterations=3)
     assert "'trolley' around step" in start.message
     assert given.system.window(3, 9).input_name(0) == "trolley"
     assert parabola().input_name(0) == "u[0]"
