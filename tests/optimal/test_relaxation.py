@@ -79,7 +79,9 @@ def test_a_loop_that_is_open_at_the_start_is_closed_by_springs(name, parts):
     assert [stage.stage for stage in seen] == list(range(1, len(found.stages) + 1))
     assert seen[0].name.startswith("stiffness = 10")
     assert "residual of the constraints" in seen[0].note
-    assert seen[-1].name == "with its constraints"
+    # Rounding decides whether the motion of springs can be followed in steps as long as the four-bar's are at first.
+    (closed,) = [k for k, stage in enumerate(seen) if stage.name == "with its constraints"]
+    assert all(stage.name.startswith("assembly mode") for stage in seen[closed + 1 :])
     assert seen[-1].value == found.value == np.inf
 
 
