@@ -37,9 +37,6 @@ _FAR, _TELLING, _NEARLY = 1e-2, 1e3, 1e-4
 # Cost, and barriers in the end, beside that of the violations, up to which little but these counts.
 _LITTLE_BESIDE, _TRACES = 0.1, 1e-4
 _NONE = np.empty(0)  # values of no limits
-# Part of the goal of a rough tolerance that is asked for where limits are not met: what they are off by is a matter of
-# some more steps, where dearer excess would only bend the way to the minimum.
-_CLOSER = 1e-2
 
 
 class BarrierStages:
@@ -154,7 +151,7 @@ class BarrierStages:
             loose = not self._rough and self.duals.are_central(room)
             return max(goal, (_LOOSE if loose else _TIGHT) * many * mu)
         if self._rough:
-            return max(goal if self.are_met(c) else _CLOSER * goal, 10.0 * noise)
+            return max(goal, 10.0 * noise)
         # The duals are worth no more than the motion is near the barrier's minimum.
         return max(min(goal, _TIGHT * mu), 10.0 * noise)
 
