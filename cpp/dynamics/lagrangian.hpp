@@ -118,7 +118,6 @@ private:
     std::size_t stride_;
 
     std::vector<double> turned_G_wide_[parts], turned_A_[parts];  // G q_v, and [A q_q; A q_v] by joint
-    std::vector<SmallMatrix<6>> own_;                             // of turned joints by themselves
 
     // Eight products, or derivatives of products, of a row and the joints from j on.
     struct Products;
@@ -127,7 +126,7 @@ private:
         requires(!std::is_same_v<T, Lanes>);
     void turned_products(std::span<const TurnedJoints> turned)
         requires(!std::is_same_v<T, Lanes>);
-    SmallMatrix<6> own_products(int joint, bool values) const
+    void add_order(const TurnedJoints& of)
         requires(!std::is_same_v<T, Lanes>);
     void turn(const TurnedJoints& of)
         requires(!std::is_same_v<T, Lanes>);
