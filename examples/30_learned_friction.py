@@ -18,7 +18,7 @@ import torch
 import leastaction as la
 from leastaction.control import close_loop
 from leastaction.control.bridge.torch import roll_out
-from leastaction.viz import BLUE, ORANGE, new_figure, save_png
+from leastaction.viz import BLUE, ORANGE, new_figure, save_png, styled
 
 DT, AHEAD, STARTS, ROUNDS = 0.02, 20, 60, 400
 PENDULUM = la.Mechanism(
@@ -37,6 +37,7 @@ def swing(torque: Callable, lean: float) -> np.ndarray:
     return close_loop(la.MidpointVI(PENDULUM), lambda _, x: torque(x[1:]), [lean, 0.0], DT * np.arange(301)).x
 
 
+@styled
 def main(output: Path) -> None:
     """Train, print and draw."""
     rng, _ = np.random.default_rng(0), torch.manual_seed(0)
