@@ -58,9 +58,9 @@ public:
     void differentiate(MidpointStep& step, const FirstOrder& first, double dt,
                        const std::vector<Parameter>& parameters);
 
-    int ld = 0;           // of the rows: the parameters, padded
-    AlignedVector Y, P2;  // of (q2; lam) and p2, rows of ld
-    NumberDuals duals;    // at the last step, if some parameter was a direction of numbers
+    int ld = 0;                       // of the rows: the parameters, padded
+    AlignedVector Y, P2;              // of (q2; lam) and p2, rows of ld
+    NumberDuals duals;                // at the last step, if some parameter was a direction of numbers
     std::vector<double> L_q, L_v, f;  // what they change by with the last parameter, by variable; f: the forces
 
 private:

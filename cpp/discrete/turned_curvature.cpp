@@ -6,7 +6,9 @@
 //   X_u X_v S = z'_u' (r.Z)_zz z'_v  [Z held]  +  (X_u Z).(r_z z'_v) + (X_v Z).(r_z z'_u)  +  r.X_u X_v Z  +  (r_z'Z).X_u X_v z,
 //
 // the symmetric part of it: second derivatives along exp. The first three are those of duals along Z, of which z' changes by
-// X_u Z (turned_middle.hpp); the last two are a ball's own.
+// X_u Z (turned_middle.hpp); the last two are a ball's own. By a number or the time step, a, of which z is none,
+//
+//   X_u S_a = (r_a.Z)_z z'_u  [Z held]  +  r_a.X_u Z.
 #include <algorithm>
 
 #include "discrete/curvature.hpp"

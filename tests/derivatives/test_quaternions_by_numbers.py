@@ -1,4 +1,4 @@
-"""Exact second derivatives of steps by numbers and the final time, where rotations are quaternions: against differences."""
+"""Exact second derivatives of steps by numbers and the final time beside quaternions: against differences."""
 
 from __future__ import annotations
 
