@@ -241,7 +241,7 @@ def test_places_of_frames_are_followed() -> None:
     assert found.errors["tip"] < 0.02
 
 
-def test_a_curve_whose_step_turns_past_half_a_turn_is_left_where_it_has_no_derivatives():
+def test_a_curve_is_left_where_a_step_turns_past_a_full_turn():
     top = ball("top", mass=1.0, com=(0.0, 0.0, -0.15), inertia=(8e-3, 8e-3, 1e-3))
     m = Mechanism([top], [Gravity(), *[JointForce(f"top.w{a}", a) for a in "xyz"]])
     system = MidpointSystem(MidpointVI(m), np.linspace(0.0, 0.2, 11))
@@ -255,7 +255,7 @@ def test_a_curve_whose_step_turns_past_half_a_turn_is_left_where_it_has_no_deriv
     x[5, 4:] = 0.35, 0.82, 0.33
     made = system.step_each(x, u)
     assert made.steps_done == len(made.x) == 5
-    assert made.failure == "step 5 at t = 0.1 s turns by more than half a turn and has no derivatives"
+    assert made.failure.startswith("step 5 at t = 0.1 s could not be solved, the time step is too coarse")
     cost = QuadraticCost(rest, np.zeros(3), Q=np.full(6, 0.1), R=np.ones(3), Q_final=np.ones(6), space=system)
     found = optimize(system, cost, initial=(x, u), shooting="multiple")
     assert found.status is Status.CONVERGED
