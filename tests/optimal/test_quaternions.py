@@ -20,7 +20,7 @@ from leastaction.mechanics import (
     tx,
     ty,
 )
-from leastaction.optimal import Bound, QuadraticCost, Status, check_derivatives, optimize
+from leastaction.optimal import Bound, FinalTime, QuadraticCost, Status, check_derivatives, optimize
 from leastaction.optimal.quantity import Samples
 from leastaction.systems import MidpointSystem, embed, follow, relax, tracking, warm_start
 
@@ -71,6 +71,20 @@ def test_a_satellite_turns_by_any_angle(angle: float) -> None:
     for k in newton:
         if k - 1 in newton:
             assert decreases[k] < decreases[k - 1] ** 2 + 1e-17
+
+
+def test_newton_is_quadratic_where_the_final_time_is_free() -> None:
+    system = satellite()
+    cost, x0 = to_attitude(system, 3.0)
+    found = optimize(
+        system, cost, initial=(x0, np.zeros((N, 3))), unknowns=[FinalTime(price=0.5)], method="newton",
+        tolerance=1e-24, absolute_tolerance=0.0,
+    )  # fmt: skip
+    assert 2.9 < found.t[-1] < 3.2
+    decreases = np.array(found.history.expected_decrease[-4:])
+    assert set(found.history.method[-4:]) == {"newton"}
+    assert np.all(decreases[1:] < decreases[:-1] ** 1.6)
+    assert decreases[-1] < 1e-18
 
 
 def test_derivatives_of_the_system_and_windows() -> None:

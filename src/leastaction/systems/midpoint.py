@@ -295,7 +295,7 @@ class MidpointSystem(DiscreteSystem):
 
         None too where an element changes with the time.
         """
-        if type(self).f is not MidpointSystem.f or self.space is not None or self.mechanism.core.timed:
+        if type(self).f is not MidpointSystem.f or self.mechanism.core.timed:
             return None
         t, vi = self.t[start : start + len(x)], self.integrator
         out = vi.core.curvature_by_time_step(
