@@ -175,7 +175,7 @@ def simulate_many(
 
     interrupted = _in_blocks(run, groups, threads)
     if interrupted:
-        left = np.equal(status, None)
+        left = np.array([each is None for each in status])
         if left.all():
             raise KeyboardInterrupt
         x[left], lam[left], steps[left] = np.nan, np.nan, 0
@@ -199,7 +199,7 @@ def _in_blocks(
     if len(groups) > 1:
         with ThreadPoolExecutor(threads) as pool:
             try:
-                list(pool.map(lambda group: run(*group, 1), groups))
+                list(pool.map(lambda group: run(group[0], group[1], 1), groups))
             except KeyboardInterrupt:
                 pool.shutdown(cancel_futures=True)
                 return True
