@@ -58,8 +58,7 @@ def main(output: Path, rounds: int = 40) -> list[float]:
     known = lqr(*SYSTEM.derivatives(UP, np.zeros(1), 0), [1.0, 10.0, 0.0, 0.0], [1e-3], dt=0.03).gain[0]
     print(f"that took {rounds * SETS * TRIALS} trials of 3 s")
     output.mkdir(parents=True, exist_ok=True)
-    figure = new_figure(9.0, 6.0)
-    (top, bottom), found = figure.subplots(2, 1), []
+    (top, bottom), found = (figure := new_figure(9.0, 6.0)).subplots(2, 1), []
     top.plot(-np.array(history), label=["best of 32", "median", "worst"])
     top.set(yscale="log", xlabel="round", ylabel="return, its negative", title="Learning")
     for name, K, color in (("trial", mean, BLUE), ("the model", known, ORANGE)):

@@ -65,10 +65,8 @@ def main(output: Path) -> None:
         runs.append((torque(rates), swing(torque, 1.5)[:, 0]))
         top.plot(rates, runs[-1][0], label=name, **look)
         bottom.plot(DT * np.arange(301), np.degrees(runs[-1][1]), **look)
-        away = [np.sqrt(np.mean((a - b) ** 2)) for a, b in zip(runs[-1], runs[0], strict=True)]
-        print(
-            f"{name}: the torque is off by {away[0]:.2f} N m, a swing that it has not seen by {away[1]:.2f} rad (rms)"
-        )
+        off = [np.sqrt(np.mean((a - b) ** 2)) for a, b in zip(runs[-1], runs[0], strict=True)]
+        print(f"{name}: the torque is off by {off[0]:.2f} N m, a swing that it has not seen by {off[1]:.2f} rad (rms)")
     top.set(xlabel="rate (rad/s)", ylabel="friction (N m)", title="What it learned")
     bottom.set(xlabel="time (s)", ylabel="angle (degrees)", title="A swing that it has not seen")
     top.legend()
