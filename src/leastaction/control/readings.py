@@ -103,7 +103,7 @@ def _chosen(system: System, measure: Any) -> tuple[tuple[str, ...], Array]:
         for name in given:
             found = matching(names, name)
             if not found:
-                raise unknown("entry of the state", name, names, "measure")
+                raise unknown("state", name, names, "measure")
             places += found
         return tuple(names[i] for i in places), np.eye(system.nx)[places]
     C = as_array(measure, "measure", (None, system.nx), meaning="(ny, nx); or give names of entries of the state")
