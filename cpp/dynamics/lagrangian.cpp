@@ -275,83 +275,68 @@ void Lagrangian<T>::turned_products(std::span<const TurnedJoints> turned)
         turned_G_wide_[part].resize(3 * stride_);
         turned_A_[part].resize(6 * n);
     }
-    for (const TurnedJoints& of : turned) turn(of);
-    for (int i = 0; i < n; ++i) pair_products<true>(i);
-    for (const TurnedJoints& of : turned) add_order(of);
+    own_.clear();
+    for (const TurnedJoints& of : turned) {
+        // W'HW with H symmetric, and of duals W'DW + F'HW + W'HF.
+        SmallMatrix<6> halves = transposed_product(of.by, 0.5 * own_products(of.joint, false));
+        if (parts > 1) halves = halves + transposed_product(of.along, own_products(of.joint, true));
+        const SmallMatrix<6> half = halves * of.by;
+        own_.push_back(half + transposed(half));
+        turn(of);
+    }
+    for (int i = 0; i < n; ++i) {
+        const auto path = mechanism_.path[i];
+        const bool by_itself = path.size() <= 3 && mechanism_.joints[path.front()].quaternion >= 0;
+        if (!by_itself) pair_products<true>(i);
+    }
+    for (std::size_t b = 0; b < turned.size(); ++b)
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j <= i; ++j) {
+                const std::size_t ij = (turned[b].joint + i) * pairs.stride + turned[b].joint + j;
+                pairs.qq[ij] = own_[b].aa(i, j);
+                pairs.vv[ij] = own_[b].bb(i, j);
+                pairs.v_q[ij] = own_[b].ba(i, j);
+                pairs.q_v[ij] = own_[b].ba(j, i);
+            }
 }
 
-// Of three joints in a row all products are by now as if the first of a pair were behind the second. Where it is before, with
-// S_x x S_y = S_z and so on, they are less than the second derivatives by
-//
-//   xy: H.S_z and weight.S_z - H.(S_z x V_x)    xz: -H.S_y and -(weight.S_y - H.W_y)    yz: H.S_x and weight.S_x - H.(S_x x V_y)
-//
-// by a coordinate and a rate (either), and by two coordinates.
+// Second derivatives by three joints in a row, (q, v) twice: as `pairs` holds them, or of duals the values.
 template <class T>
-void Lagrangian<T>::add_order(const TurnedJoints& of)
+SmallMatrix<6> Lagrangian<T>::own_products(int joint, bool values) const
     requires(!std::is_same_v<T, Lanes>)
 {
     using Row = SmallMatrix<3>::Row;
-    struct Rows {
-        Row q, v;  // by coordinates, and by rates
+    struct Sums {
+        Row vv{}, v_q{}, q_v{}, qq{};
+    } rows[3];
+    const auto load = [](const double* from) {
+        Row out;
+        __builtin_memcpy(&out, from, sizeof(Row));
+        return out;
     };
-    struct Order {
-        Rows q_x, q_y, v_x, v_y;  // rows of the first of a pair: its coordinate, its rate
-        void add(const SmallMatrix<6>& by, const double (&qq)[3], const double (&qv)[3]) {
-            const auto sum = [](Row& to, const double (&first)[3], const SmallMatrix<3>& a, int row) {
-                to += row == 0 ? first[0] * a.rows[1] + first[1] * a.rows[2] : first[2] * a.rows[2];
-            };
-            for (int row = 0; row < 2; ++row) {
-                Rows &q = row == 0 ? q_x : q_y, &v = row == 0 ? v_x : v_y;
-                sum(q.q, qq, by.aa, row), sum(q.q, qv, by.ba, row);
-                sum(q.v, qq, by.ab, row), sum(q.v, qv, by.bb, row);
-                sum(v.q, qv, by.aa, row), sum(v.v, qv, by.ab, row);
+    for (int part = 0; part < (values ? 1 : parts); ++part) {
+        const double* A = &AB_[values ? 0 : parts - 1 - part][joint * 12];
+        for (int c = 0; c < 6; ++c) {
+            const Row S = load(&S_wide_[part][c * stride_ + joint]), W = load(&W_wide_[part][c * stride_ + joint]);
+            for (int i = 0; i < 3; ++i) {
+                const double a = A[i * 12 + c], b = A[i * 12 + 6 + c];
+                rows[i].vv += a * S;
+                rows[i].v_q -= a * W;
+                rows[i].q_v += b * S;
+                rows[i].qq -= b * W;
             }
-        }
-    };
-    const int at_x = of.joint;
-    const Force<T>& H = H_[at_x];
-    const Vec3<T> weight_moment = cross(h_[at_x], mechanism_.gravity);
-    const auto torque = [&](const Motion<T>& S, const Motion<T>& W) {
-        return m_[at_x] * dot(mechanism_.gravity, S.v) + dot(weight_moment, S.w) - dot(H, W);
-    };
-    const Motion<T>&x = at.twist[at_x], &y = at.twist[at_x + 1], &z = at.twist[at_x + 2];
-    const T qq[3] = {torque(z, cross(z, V_[at_x])), -1.0 * torque(y, W_[at_x + 1]), torque(x, cross(x, V_[at_x + 1]))};
-    const T qv[3] = {dot(H, z), -1.0 * dot(H, y), dot(H, x)};
-    const auto parts_of = [](const T(&all)[3], int part, double (&out)[3]) {
-        for (int k = 0; k < 3; ++k) out[k] = part_of(all[k], part);
-    };
-    double by_qq[3], by_qv[3];
-    parts_of(qq, 0, by_qq);
-    parts_of(qv, 0, by_qv);
-    Order order{}, of_values{};
-    if (parts == 1) {
-        order.add(of.by, by_qq, by_qv);
-    } else {
-        of_values.add(of.by, by_qq, by_qv);
-        order.add(of.along, by_qq, by_qv);
-        parts_of(qq, 1, by_qq);
-        parts_of(qv, 1, by_qv);
-        order.add(of.by, by_qq, by_qv);
-    }
-    const auto row_of = [](const SmallMatrix<3>& q, const SmallMatrix<3>& v, int k, const Order& o) {
-        return Rows{q(0, k) * o.q_x.q + q(1, k) * o.q_y.q + v(0, k) * o.v_x.q + v(1, k) * o.v_y.q,
-                    q(0, k) * o.q_x.v + q(1, k) * o.q_y.v + v(0, k) * o.v_x.v + v(1, k) * o.v_y.v};
-    };
-    for (int i = 0; i < 3; ++i) {
-        Rows q = row_of(of.by.aa, of.by.ba, i, order), v = row_of(of.by.ab, of.by.bb, i, order);
-        if (parts > 1) {
-            const Rows more_q = row_of(of.along.aa, of.along.ba, i, of_values),
-                       more_v = row_of(of.along.ab, of.along.bb, i, of_values);
-            q.q += more_q.q, q.v += more_q.v, v.q += more_v.q, v.v += more_v.v;
-        }
-        const std::size_t row = (at_x + i) * pairs.stride + at_x;
-        for (int j = 0; j <= i; ++j) {
-            pairs.qq[row + j] += q.q[j];
-            pairs.q_v[row + j] += q.v[j];
-            pairs.v_q[row + j] += v.q[j];
-            pairs.vv[row + j] += v.v[j];
+            if (c >= 3) continue;
+            const Row G = load(&G_wide_[part][c * stride_ + joint]);
+            for (int i = 0; i < 3; ++i) rows[i].qq -= A[i * 12 + c] * G;
         }
     }
+    const auto lower = [](const Row& x, const Row& y, const Row& z, const Row& above_y, const Row& above_z) {
+        return SmallMatrix<3>{
+            {Row{x[0], above_y[0], above_z[0], 0.0}, Row{y[0], y[1], above_z[1], 0.0}, Row{z[0], z[1], z[2], 0.0}}};
+    };
+    const auto &x = rows[0], &y = rows[1], &z = rows[2];
+    const SmallMatrix<3> v_by_q = lower(x.v_q, y.v_q, z.v_q, y.q_v, z.q_v);
+    return {lower(x.qq, y.qq, z.qq, y.qq, z.qq), transposed(v_by_q), v_by_q, lower(x.vv, y.vv, z.vv, y.vv, z.vv)};
 }
 
 template <class T>
@@ -392,34 +377,39 @@ void Lagrangian<T>::turn(const TurnedJoints& of)
     const auto put = [](const Row& of, double* to, std::size_t apart) {
         for (int k = 0; k < 3; ++k) to[k * apart] = of[k];
     };
-    each_part([&](int part, int c, const auto& sum) {
-        const std::size_t column = c * stride_ + at;
-        Changed columns;
-        Weights of_G;
-        sum([&](const SmallMatrix<6>& by, int from) {
-            columns.add(by, &S_wide_[from][column], &W_wide_[from][column], -1.0, 1);
-            if (c < 3) of_G.add(by, &G_wide_[from][column], 1);
+    const Mechanism& m = mechanism_;
+    const bool has_rows_behind = at + 3 < m.n_massive && m.joints[at + 3].parent >= at;
+    if (has_rows_behind)
+        each_part([&](int part, int c, const auto& sum) {
+            const std::size_t column = c * stride_ + at;
+            Changed columns;
+            Weights of_G;
+            sum([&](const SmallMatrix<6>& by, int from) {
+                columns.add(by, &S_wide_[from][column], &W_wide_[from][column], -1.0, 1);
+                if (c < 3) of_G.add(by, &G_wide_[from][column], 1);
+            });
+            put(columns.x, &S_wide_[part][column], 1);
+            put(-columns.y, &W_wide_[part][column], 1);
+            if (c >= 3) return;
+            put(of_G.q, &G_wide_[part][column], 1);
+            put(of_G.v, &turned_G_wide_[part][column], 1);
         });
-        put(columns.x, &S_wide_[part][column], 1);
-        put(-columns.y, &W_wide_[part][column], 1);
-        if (c >= 3) return;
-        put(of_G.q, &G_wide_[part][column], 1);
-        put(of_G.v, &turned_G_wide_[part][column], 1);
-    });
-    each_part([&](int part, int c, const auto& sum) {
-        const std::size_t row = at * 12 + c, weight = at * 6 + c;
-        Changed rows;
-        Weights of_A;
-        sum([&](const SmallMatrix<6>& by, int from) {
-            rows.add(by, &AB_[from][row], &AB_[from][row + 6], 1.0, 12);
-            if (c < 3) of_A.add(by, &AB_[from][row], 12);
+    const bool has_columns_before = m.path[at].size() > 1;
+    if (has_columns_before)
+        each_part([&](int part, int c, const auto& sum) {
+            const std::size_t row = at * 12 + c, weight = at * 6 + c;
+            Changed rows;
+            Weights of_A;
+            sum([&](const SmallMatrix<6>& by, int from) {
+                rows.add(by, &AB_[from][row], &AB_[from][row + 6], 1.0, 12);
+                if (c < 3) of_A.add(by, &AB_[from][row], 12);
+            });
+            put(rows.x, &AB_[part][row], 12);
+            put(rows.y, &AB_[part][row + 6], 12);
+            if (c >= 3) return;
+            put(of_A.q, &turned_A_[part][weight], 6);
+            put(of_A.v, &turned_A_[part][weight + 3], 6);
         });
-        put(rows.x, &AB_[part][row], 12);
-        put(rows.y, &AB_[part][row + 6], 12);
-        if (c >= 3) return;
-        put(of_A.q, &turned_A_[part][weight], 6);
-        put(of_A.v, &turned_A_[part][weight + 3], 6);
-    });
 }
 
 template <class T>

@@ -73,6 +73,9 @@ public:
                 {G.x, G.y, G.z, 0, 0, 0},
                 &AB_[0][joint * 12]};
     }
+    const Vec3<double>& gravity() const { return mechanism_.gravity; }
+    const Motion<T>& W(int joint) const { return W_[joint]; }
+    const auto* AB(int joint) const { return &AB_[0][joint * 12]; }
     // The inertia that each variable moves, L_vv[k, k], at the point of the last composites().
     void inertias(double* by_variable) const
         requires std::is_same_v<T, double>;
@@ -118,6 +121,7 @@ private:
     std::size_t stride_;
 
     std::vector<double> turned_G_wide_[parts], turned_A_[parts];  // G q_v, and [A q_q; A q_v] by joint
+    std::vector<SmallMatrix<6>> own_;                             // of turned joints by themselves
 
     // Eight products, or derivatives of products, of a row and the joints from j on.
     struct Products;
@@ -126,7 +130,7 @@ private:
         requires(!std::is_same_v<T, Lanes>);
     void turned_products(std::span<const TurnedJoints> turned)
         requires(!std::is_same_v<T, Lanes>);
-    void add_order(const TurnedJoints& of)
+    SmallMatrix<6> own_products(int joint, bool values) const
         requires(!std::is_same_v<T, Lanes>);
     void turn(const TurnedJoints& of)
         requires(!std::is_same_v<T, Lanes>);

@@ -25,6 +25,22 @@ void multiply(const Inverse& by, T* d) {
     for (int k = 0; k < 3; ++k) d[k] = by[k][0] * r[0] + by[k][1] * r[1] + by[k][2] * r[2];
 }
 
+// [a; b] of six numbers each, in whole rows.
+inline void stack(const double* a, const double* b, double* out) {
+    using Row = SmallMatrix<3>::Row;
+    typedef double Half __attribute__((vector_size(16)));
+    Row first, last;
+    Half end, begin;
+    __builtin_memcpy(&first, a, sizeof(Row));
+    __builtin_memcpy(&end, a + 4, sizeof(Half));
+    __builtin_memcpy(&begin, b, sizeof(Half));
+    __builtin_memcpy(&last, b + 2, sizeof(Row));
+    const Row middle{end[0], end[1], begin[0], begin[1]};
+    __builtin_memcpy(out, &first, sizeof(Row));
+    __builtin_memcpy(out + 4, &middle, sizeof(Row));
+    __builtin_memcpy(out + 8, &last, sizeof(Row));
+}
+
 bool is_lost(double pivot, double size) { return !(std::abs(pivot) > lost_pivot * size) || !std::isfinite(pivot); }
 
 }  // namespace
@@ -101,28 +117,27 @@ void TreeNewton::load_ball(const Lagrangian<double>& lagrangian, int joint, doub
     using Weight = Eigen::Array<double, 4, 1>;
     const SmallMatrix<6>& by = *turn.by_ends;
     const double half = 0.5 * dt, four = 4.0 / dt;
-    // Put together first, so that they are in memory when they are read: [S; S], [W; W], [A; B] as a row and as a column,
-    // [0; A] and G.
+    // Put together first, as whole rows, which are quickly in memory when they are read: [S; S], [W; W], [A; B] as a row and as
+    // a column, [0; A] and G.
     struct Pairs {
         Vector SS, WW, row, column, A;
         Weight G;
     } pairs[3];
     for (int l = 0; l < 3; ++l) {
-        const JointVectors of = lagrangian.vectors(joint + l);
         Pairs& to = pairs[l];
-        for (const int first : {0, 6}) {
-            std::copy_n(of.S, 6, to.SS.data() + first);
-            std::copy_n(of.W, 6, to.WW.data() + first);
-        }
-        for (int c = 0; c < 6; ++c) {
-            const double A = 2.0 * of.AB[c], B = 2.0 * of.AB[6 + c], more = four * of.AB[c];
-            to.row[c] = to.column[c] = A;
-            to.row[6 + c] = B + more;
-            to.column[6 + c] = B - more;
-            to.A[c] = 0.0;
-            to.A[6 + c] = A;
-        }
-        to.G << half * of.G[0], half * of.G[1], half * of.G[2], 0.0;
+        const Motion<double>& S = lagrangian.at.twist[joint + l];
+        const double* AB = lagrangian.AB(joint + l);
+        stack(&S.v.x, &S.v.x, to.SS.data());
+        stack(&lagrangian.W(joint + l).v.x, &lagrangian.W(joint + l).v.x, to.WW.data());
+        constexpr double none[6] = {};
+        Vector A;
+        stack(none, AB, A.data());
+        const Vector twice = 2.0 * Eigen::Map<const Vector>(AB), more = four * A;
+        to.row = twice + more;
+        to.column = twice - more;
+        to.A = 2.0 * A;
+        const Vec3<double> G = half * cross(S.w, lagrangian.gravity());
+        to.G << G.x, G.y, G.z, 0.0;
     }
     Vector up, down;  // what turns X into c and b
     for (int c = 0; c < 6; ++c) up[c] = 1.0, down[c] = -1.0, up[6 + c] = down[6 + c] = half;
