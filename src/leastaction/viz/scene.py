@@ -348,7 +348,7 @@ def _paths(mechanism: Mechanism, q: Array, names: Sequence[str]) -> dict[str, Ar
 def _bars(mechanism: Mechanism, q: Array) -> list[Bone]:
     """Return a bone from every frame to its parent, where they are apart."""
     frames = mechanism.tree.frames
-    places = mechanism.positions(q)
+    places = mechanism.positions(q, list(mechanism.tree.index))
     apart = {
         i: float(np.linalg.norm(places[:, i] - places[:, frame.parent], axis=1).max())
         for i, frame in enumerate(frames)

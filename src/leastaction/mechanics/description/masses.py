@@ -144,6 +144,12 @@ def _rounding(tree: Tree, bodies: Sequence[tuple[int, Body, Array]], poses: Arra
 
 
 def _massless(tree: Tree, variable: str, why: str) -> DescriptionError:
+    turned = next((each.name for each in tree.rotations if variable in each.variables), None)
+    if turned is not None:
+        return DescriptionError(
+            f"massless joint {turned!r}: by {variable!r} it turns what hangs on it, {why}, so no acceleration of it is "
+            "determined. Put a mass with an inertia there, make the joint kinematic, or remove it"
+        )
     count = sum(variable in joint.variables for joint in tree.joints)
     return DescriptionError(
         f"massless dynamic variable {variable!r}: it moves the frame{'s' if count > 1 else ''} "

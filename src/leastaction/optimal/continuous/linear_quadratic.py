@@ -223,9 +223,22 @@ def steady_state_regulator(
         hint = "" if dt is not None else " A and B that are of steps need dt=."
         raise ArgumentError(
             f"A, B, Q, R: there is no steady-state regulator ({str(error).rstrip('.')}). Every unstable mode must be "
-            f"within reach of the input and seen by Q, and R positive definite.{hint}"
+            f"within reach of the input and seen by Q, and R positive definite.{_out_of_reach(A, B, dt)}{hint}"
         ) from error
     return K, 0.5 * (P + P.T)
+
+
+def _out_of_reach(A: Array, B: Array, dt: float | None) -> str:
+    """Say which modes neither die away nor are within reach of the input, by Popov, Belevitch and Hautus."""
+    said = []
+    for value in np.linalg.eigvals(A):
+        grows = value.real if dt is None else abs(value) - 1.0
+        left, sizes, _ = np.linalg.svd(np.hstack([A - value * np.eye(len(A)), B]))
+        if grows > -1e-7 and sizes[-1] < 1e-7 * sizes[0]:
+            share = np.abs(left[:, -1])
+            states = ", ".join(str(i) for i in np.flatnonzero(share > 0.1 * share.max()))
+            said.append(f"{value:.4g} (of the states {states}, counted from 0)")
+    return f" Out of reach: the eigenvalue {'; '.join(dict.fromkeys(said))}." if said else ""
 
 
 def _size(signal: TimeFunction, t0: float) -> int:
