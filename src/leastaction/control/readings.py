@@ -78,14 +78,8 @@ class Readings:
             function = self._function
             return np.asarray(central_differences(lambda state: np.asarray(function(state)), x))
         assert self._quantity is not None
-        found = self._quantity.jacobian(self._at(x, k))[0]
         n = self.nx if self.space is None or self._quantity.by_entries else self.space.ndx
-        columns = self._quantity.columns(n, 0)
-        if columns is None:
-            return np.asarray(found)
-        whole = np.zeros((self.ny, n))
-        whole[:, columns] = found
-        return whole
+        return np.asarray(self._quantity.whole_jacobian(self._at(x, k), n, 0)[0])
 
     def _at(self, x: Array, k: int) -> Samples:
         nothing = np.empty((1, 0))
