@@ -222,7 +222,7 @@ def test_mistakes_are_named() -> None:
 
 @pytest.mark.parametrize("names", [["hull"], ["hull", "p_hull"], ["p_hull", "rail"]])
 def test_a_joint_is_meant_by_its_name(names: list[str]) -> None:
-    """What is free at the start, and what returns, as by the names of its quaternion and of the momenta of its turns."""
+    """What is free at the start, and what returns: its quaternion, and the momenta of its turns."""
     system = MidpointSystem(MidpointVI(HULL, threads=1), np.linspace(0.0, 1.0, 5))
     each = {"hull": [f"hull.q{x}" for x in "wxyz"], "p_hull": [f"p_hull.w{x}" for x in "xyz"], "rail": ["rail"]}
     spelt = [one for name in names for one in each[name]]

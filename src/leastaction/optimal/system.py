@@ -256,8 +256,7 @@ class System(ABC):
     def free_entries(self, free: Sequence[str], what: str = "free_start") -> list[int]:
         """Return the places of the entries of the state with these names; `what` they are given for, in messages.
 
-        The name of a joint that is a rotation stands for its quaternion, ``"p_..."`` and ``"v_..."`` for its momenta and
-        rates.
+        The name of a joint that is a rotation means its quaternion, and with ``"p_"`` or ``"v_"`` its momenta or rates.
 
         Raises
         ------
