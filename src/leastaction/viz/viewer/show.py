@@ -148,8 +148,8 @@ def _run_scene(run: Any, asked: Asked) -> Scene:
         array = as_array(array, "reference", (len(t), m.nq), names=m.coordinates)
         reference = of_unit_length(m, np.column_stack([np.interp(times, t, column) for column in array.T]))
     acts = Actions(run, times, q) if isinstance(run, BaseTrajectory) else None  # others have no multipliers
-    told = {"tension": acts.tension(), "arrows": acts.arrows()} if acts else {}
-    return motion_scene(m, times, q, asked._replace(reference=reference), **told)
+    tension, arrows = (acts.tension(), acts.arrows()) if acts else (None, ())
+    return motion_scene(m, times, q, asked._replace(reference=reference), tension=tension, arrows=arrows)
 
 
 def _between(run: Any, times: Array) -> Array:
