@@ -20,6 +20,7 @@ from pathlib import Path  # noqa: E402
 from typing import Any  # noqa: E402
 
 import numpy as np  # noqa: E402
+from matplotlib.figure import Figure  # noqa: E402
 
 from benchmarks.cases import Array  # noqa: E402
 from benchmarks.comparison_problems import PROBLEMS, Problem  # noqa: E402
@@ -27,6 +28,7 @@ from leastaction.mechanics import Distance, MidpointVI  # noqa: E402
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics  # noqa: E402
 from leastaction.mechanics.continuous.legendre import to_momentum  # noqa: E402
 from leastaction.mechanics.continuous.simulation import simulate  # noqa: E402
+from leastaction.viz import new_figure, save_png, styled  # noqa: E402
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 REPEATS = 3
@@ -202,10 +204,9 @@ def _mujoco(mujoco: Any, problem: Problem, integrator: str, steps: int) -> tuple
 # Pictures and tables
 
 
-def draw(problem: Problem, points: list[Point], file: Path) -> None:
-    """Draw error, energy and drift against time."""
-    from matplotlib.figure import Figure
-
+@styled
+def draw(problem: Problem, points: list[Point]) -> Figure:
+    """Return error, energy and drift against time."""
     panels = [
         ("error", f"largest error ({problem.unit})"),
         ("energy", "energy lost or gained (relative)"),
@@ -214,7 +215,7 @@ def draw(problem: Problem, points: list[Point], file: Path) -> None:
         panels.append(("momentum", "momentum lost or gained, no gravity (relative)"))
     if problem.mechanism.nc:
         panels.append(("drift", f"constraints off by ({problem.drift_unit})"))
-    figure = Figure(figsize=(4.3 * len(panels), 4.2), layout="constrained")
+    figure = new_figure(3.0 * len(panels), 3.4)
     for axes, (field, label) in zip(figure.subplots(1, len(panels)), panels, strict=True):
         for i, method in enumerate(dict.fromkeys(p.method for p in points)):
             mine = [p for p in points if p.method == method]
@@ -227,12 +228,10 @@ def draw(problem: Problem, points: list[Point], file: Path) -> None:
             )  # fmt: skip
         axes.set_xlabel("time spent (ms)")
         axes.set_ylabel(label)
-        axes.grid(alpha=0.3)
     handles, labels = figure.axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=7, fontsize=8)
     figure.suptitle(f"{problem.title}, {problem.end:g} s", fontsize=11)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, dpi=110)
+    return figure
 
 
 def table(points: list[Point]) -> str:
@@ -261,7 +260,7 @@ def main() -> int:
     for name in arguments.only or PROBLEMS:
         problem = PROBLEMS[name]()
         points = measure(problem, arguments.quick)
-        draw(problem, points, arguments.images / f"comparison_{name}.png")
+        save_png(draw(problem, points), arguments.images / f"comparison_{name}.png", dpi=110)
         print(f"\n### {problem.title}\n\n{table(points)}")
     return 0
 
