@@ -87,13 +87,13 @@ def show(
     listed += [] if beside is None else [beside]
     if not listed:
         raise ArgumentError("show: got an empty list, expected mechanisms, models, runs or results")
-    asked = Asked(shapes, reference, traces, up, title)
+    how = DrawnAs(shapes, reference, traces, up, title)
     first, *others = listed
-    scenes = [_scene(first, q, asked), *(_scene(each, q, asked._replace(reference=None)) for each in others)]
+    scenes = [_scene(first, q, how), *(_scene(each, q, how._replace(reference=None)) for each in others)]
     return View(tuple(scenes), joints=joints, forces=forces)
 
 
-class Asked(NamedTuple):
+class DrawnAs(NamedTuple):
     """How something is to be drawn, as `show` is asked."""
 
     shapes: Sequence[Shape] | None
@@ -103,12 +103,12 @@ class Asked(NamedTuple):
     title: str
 
 
-def _scene(what: Any, q: ArrayLike | None, asked: Asked) -> Scene:
+def _scene(what: Any, q: ArrayLike | None, how: DrawnAs) -> Scene:
     """Return the scene of one thing."""
     if isinstance(what, Scene):
         return what
-    own = getattr(what, "shapes", ()) if asked.shapes is None else asked.shapes
-    asked = asked._replace(shapes=tuple(own), title=asked.title or getattr(what, "name", "") or "leastaction")
+    own = getattr(what, "shapes", ()) if how.shapes is None else how.shapes
+    how = how._replace(shapes=tuple(own), title=how.title or getattr(what, "name", "") or "leastaction")
     moves = isinstance(what, BaseTrajectory | Played | ClosedLoop)
     if isinstance(what, Mechanism) or not (moves or hasattr(what, "trajectory")):
         m = what if isinstance(what, Mechanism) else getattr(what, "mechanism", None)
@@ -118,18 +118,18 @@ def _scene(what: Any, q: ArrayLike | None, asked: Asked) -> Scene:
                 "that knows its trajectory; of another result show(system.trajectory(result.x, result.u))"
             )
         at = m.configuration() if q is None else single(m, q)
-        return motion_scene(m, np.zeros(1), at[None], asked)
+        return motion_scene(m, np.zeros(1), at[None], how)
     if q is not None:
         raise ArgumentError("q: only a mechanism or a model stands somewhere; a run has its own configurations")
     run = what if moves else what.trajectory
     if not isinstance(run, BaseTrajectory | Played | ClosedLoop) or run.mechanism is None:
         raise ArgumentError(f"show: what a {type(what).__name__} has over time is no motion of a mechanism")
-    scene = _run_scene(run, asked)
+    scene = _run_scene(run, how)
     report = getattr(getattr(what, "result", what), "limits", None)  # what was followed has its result within
     return replace(scene, limits=active_limits(report, run.t)) if isinstance(report, LimitReport) else scene
 
 
-def _run_scene(run: Any, asked: Asked) -> Scene:
+def _run_scene(run: Any, how: DrawnAs) -> Scene:
     """Return the scene of a motion, with more instants where it moves fast between its own."""
     m, t = run.mechanism, run.t
     times = t
@@ -140,7 +140,7 @@ def _run_scene(run: Any, asked: Asked) -> Scene:
         misses = np.linalg.norm(m.positions(middle) - 0.5 * (places[1:] + places[:-1]), axis=2).max(axis=1)
         times = refined(t, misses, _SHARP * size)
     q = _between(run, times)
-    reference = asked.reference
+    reference = how.reference
     if reference is not None:
         given = reference.q if isinstance(reference, BaseTrajectory) else reference
         array = np.atleast_2d(np.asarray(given, dtype=float))
@@ -149,7 +149,7 @@ def _run_scene(run: Any, asked: Asked) -> Scene:
         reference = of_unit_length(m, np.column_stack([np.interp(times, t, column) for column in array.T]))
     acts = Actions(run, times, q) if isinstance(run, BaseTrajectory) else None  # others have no multipliers
     tension, arrows = (acts.tension(), acts.arrows()) if acts else (None, ())
-    return motion_scene(m, times, q, asked._replace(reference=reference), tension=tension, arrows=arrows)
+    return motion_scene(m, times, q, how._replace(reference=reference), tension=tension, arrows=arrows)
 
 
 def _between(run: Any, times: Array) -> Array:
@@ -165,13 +165,13 @@ def motion_scene(
     m: Mechanism,
     t: Array,
     q: Array,
-    asked: Asked,
+    how: DrawnAs,
     *,
     tension: dict[str, Array] | None = None,
     arrows: Sequence[Arrow] = (),
 ) -> Scene:
     """Return the scene of a motion of a mechanism, upright and seen from its best side."""
-    shapes, reference, traces, up, title = asked
+    shapes, reference, traces, up, title = how
     assert shapes is not None
     for name in (*traces, *(shape.frame for shape in shapes)):
         m.frame_pose(q[0], name)  # which says what frames there are
