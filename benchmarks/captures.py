@@ -23,13 +23,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from benchmarks import unit
 from benchmarks.timing import Timing
 from leastaction.errors import LeastActionError
 from leastaction.io import Motion
 from leastaction.models.marionette import CONTROLS, STRING_SETS, Hanging, marionette
-from leastaction.viz.figures import new_figure, save_png
+from leastaction.viz import new_figure, save_png, styled
 from leastaction_marionette import RigCheck, TrackingRun, check, load_motion, track, walk_in_place
 from leastaction_marionette.choices import Follow
 
@@ -105,24 +106,24 @@ def motions(files: list[Path], speeds: list[float], dt: float, *, markers: bool)
     yield Problem("made-up walk", walk_in_place(10.0, dt), _WALK)
 
 
-def draw(rows: Sequence[Row], path: Path) -> None:
-    """Draw the errors over the number of strings: of all joints, of the plan and on the rig."""
+@styled
+def draw(rows: Sequence[Row]) -> Figure:
+    """Return the errors over the number of strings: of all joints, of the plan and on the rig."""
     figure = new_figure(7.0, 4.0)
     axes = figure.subplots()
-    for number, name in enumerate(dict.fromkeys(row.problem.name for row in rows)):
+    for name in dict.fromkeys(row.problem.name for row in rows):
         counted = [(row.strings, row) for row in rows if row.problem.name == name and isinstance(row.strings, int)]
         counts, own = zip(*sorted(counted, key=lambda each: each[0]), strict=True) if counted else ((), ())
         played = [
             np.inf if row.rig.played.failure is not None else row.run.errors_of(row.rig.played.q).joint_rms
             for row in own
         ]
-        color = f"C{number}"
-        axes.plot(counts, [row.run.errors.joint_rms for row in own], "o-", color=color, label=name)
-        axes.plot(counts, played, "x:", color=color, label=f"{name}, on the rig")
+        (plan,) = axes.plot(counts, [row.run.errors.joint_rms for row in own], "o-", label=name)
+        axes.plot(counts, played, "x:", color=plan.get_color(), label=f"{name}, on the rig")
     axes.set(xlabel="strings", ylabel="all joints off by (degrees, rms)", ylim=(0.0, None))
     axes.set_xticks(sorted({row.strings for row in rows if isinstance(row.strings, int)}))
-    axes.legend(frameon=False, fontsize=8)
-    save_png(figure, path)
+    axes.legend()
+    return figure
 
 
 def _hanging(word: str) -> int | str:
@@ -160,7 +161,7 @@ def main() -> int:
                 print(rows[-1].line(one), flush=True)
     captured = [row for row in rows if row.problem.name != "made-up walk"]
     if words.picture is not None and captured:
-        draw(captured, words.picture)
+        save_png(draw(captured), words.picture)
     return 0
 
 

@@ -19,7 +19,7 @@ import numpy as np
 import leastaction as la
 from leastaction.control.bridge.jax import roll_out
 from leastaction.models.cart_pendulum import cart_pendulum
-from leastaction.viz import BLUE, new_figure, save_png
+from leastaction.viz import BLUE, new_figure, save_png, styled
 
 jax.config.update("jax_enable_x64", True)
 GROWTH = {15: 50, 30: 50, 45: 25, 60: 25}  # rounds of motions of so many steps
@@ -50,6 +50,7 @@ def price(w: list, starts: np.ndarray, steps: int) -> jax.Array:
     return jnp.mean(20.0 * (1.0 + jnp.cos(x[..., 1])) + x[..., 0] ** 2 + 0.5 * x[..., 3] ** 2 + 1e-4 * u**2)
 
 
+@styled
 def main(output: Path) -> tuple[np.ndarray, np.ndarray]:
     """Train by Adam with short gradients, print and draw how it balances from leans that it has not seen."""
     rng = np.random.default_rng(0)

@@ -17,7 +17,7 @@ import leastaction as la
 from leastaction.control import lqr
 from leastaction.control.bridge.gymnasium import vector_environment
 from leastaction.models.cart_pendulum import cart_pendulum
-from leastaction.viz import BLUE, ORANGE, new_figure, save_png
+from leastaction.viz import BLUE, ORANGE, new_figure, save_png, styled
 
 T, SETS, TRIALS = 0.03 * np.arange(101), 32, 4
 UP = np.array([0.0, np.pi, 0.0, 0.0])
@@ -46,6 +46,7 @@ def play(gains: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
     return total.reshape(-1, TRIALS).mean(axis=1), np.reshape(leans, (len(leans), -1, TRIALS))
 
 
+@styled
 def main(output: Path, rounds: int = 40) -> list[float]:
     """Train, print, draw, and return the returns on new trials of the gains that were found and of the best linear."""
     rng, mean, spread, history = np.random.default_rng(0), np.zeros(4), np.full(4, 50.0), []
@@ -57,8 +58,7 @@ def main(output: Path, rounds: int = 40) -> list[float]:
     known = lqr(*SYSTEM.derivatives(UP, np.zeros(1), 0), [1.0, 10.0, 0.0, 0.0], [1e-3], dt=0.03).gain[0]
     print(f"that took {rounds * SETS * TRIALS} trials of 3 s")
     output.mkdir(parents=True, exist_ok=True)
-    figure = new_figure(9.0, 6.0)
-    (top, bottom), found = figure.subplots(2, 1), []
+    (top, bottom), found = (figure := new_figure(9.0, 6.0)).subplots(2, 1), []
     top.plot(-np.array(history), label=["best of 32", "median", "worst"])
     top.set(yscale="log", xlabel="round", ylabel="return, its negative", title="Learning")
     for name, K, color in (("trial", mean, BLUE), ("the model", known, ORANGE)):

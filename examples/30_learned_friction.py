@@ -18,7 +18,7 @@ import torch
 import leastaction as la
 from leastaction.control import close_loop
 from leastaction.control.bridge.torch import roll_out
-from leastaction.viz import BLUE, ORANGE, new_figure, save_png
+from leastaction.viz import BLUE, ORANGE, new_figure, save_png, styled
 
 DT, AHEAD, STARTS, ROUNDS = 0.02, 20, 60, 400
 PENDULUM = la.Mechanism(
@@ -37,6 +37,7 @@ def swing(torque: Callable, lean: float) -> np.ndarray:
     return close_loop(la.MidpointVI(PENDULUM), lambda _, x: torque(x[1:]), [lean, 0.0], DT * np.arange(301)).x
 
 
+@styled
 def main(output: Path) -> None:
     """Train, print and draw."""
     rng, _ = np.random.default_rng(0), torch.manual_seed(0)
@@ -64,10 +65,8 @@ def main(output: Path) -> None:
         runs.append((torque(rates), swing(torque, 1.5)[:, 0]))
         top.plot(rates, runs[-1][0], label=name, **look)
         bottom.plot(DT * np.arange(301), np.degrees(runs[-1][1]), **look)
-        away = [np.sqrt(np.mean((a - b) ** 2)) for a, b in zip(runs[-1], runs[0], strict=True)]
-        print(
-            f"{name}: the torque is off by {away[0]:.2f} N m, a swing that it has not seen by {away[1]:.2f} rad (rms)"
-        )
+        off = [np.sqrt(np.mean((a - b) ** 2)) for a, b in zip(runs[-1], runs[0], strict=True)]
+        print(f"{name}: the torque is off by {off[0]:.2f} N m, a swing that it has not seen by {off[1]:.2f} rad (rms)")
     top.set(xlabel="rate (rad/s)", ylabel="friction (N m)", title="What it learned")
     bottom.set(xlabel="time (s)", ylabel="angle (degrees)", title="A swing that it has not seen")
     top.legend()

@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 
 import leastaction as la
 from leastaction.control.bridge.python_control import state_space
-from leastaction.viz import BLUE, ORANGE, new_figure, save_png
+from leastaction.viz import BLUE, ORANGE, new_figure, save_png, styled
 
 ALOFT, DT = 2.5, 0.005
 ARM = la.Mechanism(
@@ -43,6 +43,7 @@ def off(gains: np.ndarray) -> float:
     return ((phase - 45.0) / 45.0) ** 2 + ((crossing - 12.0) / 12.0) ** 2 if np.isfinite(phase + crossing) else 1e3
 
 
+@styled
 def main(output: Path) -> tuple[float, dict[float, bool]]:
     """Fit, try, print and draw; return the delay that the loop bears, and by delay (s) whether the arm was held."""
     found = minimize(off, [60.0, 5.0], method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-8})

@@ -18,7 +18,7 @@ import leastaction as la
 from leastaction.control import sweep
 from leastaction.errors import MissingExtraError
 from leastaction.models.cart_pendulum import cart_pendulum
-from leastaction.viz import VERMILION, new_figure, save_png
+from leastaction.viz import VERMILION, new_figure, save_png, styled
 
 try:
     import joblib
@@ -40,6 +40,7 @@ def swing_up(bob_and_push: tuple[float, float]) -> tuple[float, float]:
     return float(found.x[-1, 1]), float(0.02 * np.sum(found.u**2))
 
 
+@styled
 def main(output: Path) -> np.ndarray:
     """Sweep, print and draw; return where the bob ends (rad), by push and bob."""
     values = [(float(bob), float(push)) for push in PUSHES for bob in BOBS]
@@ -56,13 +57,13 @@ def main(output: Path) -> np.ndarray:
     print(f"they take {effort[stands].min():.0f} to {effort[stands].max():.0f} N^2 s")
     print(f"the same sweep again: {done[0]} of them had been kept")
     output.mkdir(parents=True, exist_ok=True)
-    panel = (figure := new_figure(7.5, 5.0)).subplots()
+    panel = (figure := new_figure(8.0, 5.0)).subplots()
     drawn = panel.pcolormesh(BOBS, PUSHES, np.where(stands, effort, np.nan), cmap="viridis")
     figure.colorbar(drawn, label="effort of the push (N² s)")
     bob, push = np.meshgrid(BOBS, PUSHES)
     panel.plot(bob[~stands], push[~stands], "x", color=VERMILION, label="falls: such a push is too weak")
     panel.set(xlabel="bob (kg)", ylabel="strongest push (N)", title="Swing-ups of a pendulum on a cart within 4 s")
-    panel.legend(loc="upper left", framealpha=1.0)
+    panel.legend(loc="upper left", frameon=True, framealpha=1.0)
     save_png(figure, output / "32_swing_ups_on_a_cluster.png", dpi=110)
     return angle
 

@@ -27,6 +27,7 @@ from leastaction import (
     world,
 )
 from leastaction.mechanics import Equilibrium, JointSpring, LinearSpring, equilibrium
+from leastaction.viz.figures import BLUE, GREEN, ORANGE, PURPLE, styled
 
 BASE, CRANK, COUPLER = 0.30, 0.30, 0.40  # between the pivots, and of the bars (m)
 LEFT = ["left pivot", "left elbow", "left end"]
@@ -117,7 +118,7 @@ def counted(t: np.ndarray, values: np.ndarray) -> float:
 
 def draw_linkage(axis: Axes, m: Mechanism, q: np.ndarray, title: str) -> None:
     """Draw the bars, the springs and the lamp."""
-    for bars, color in ((LEFT, "tab:blue"), (RIGHT, "tab:orange")):
+    for bars, color in ((LEFT, BLUE), (RIGHT, ORANGE)):
         x, y = m.positions(q, bars)[:, :2].T
         axis.plot(x, y, color=color, lw=4, marker="o", ms=7, solid_capstyle="round")
     for spring in (["left elbow", "left post"], ["right elbow", "right post"]):
@@ -125,7 +126,7 @@ def draw_linkage(axis: Axes, m: Mechanism, q: np.ndarray, title: str) -> None:
         axis.plot(*coil(*ends).T, color="0.45", lw=1)
         axis.plot(*ends[1], "s", color="0.3", ms=7)
     x, y = m.positions(q, ["left end", "lamp"])[:, :2].T
-    axis.plot(x, y, color="tab:blue", lw=4)
+    axis.plot(x, y, color=BLUE, lw=4)
     axis.plot(x[1], y[1], "o", color="gold", ms=16, mec="0.3")
     axis.set(title=title, aspect="equal", xlim=(-0.35, 0.65), ylim=(-0.15, 0.85), xlabel="x (m)")
 
@@ -139,6 +140,7 @@ def coil(start: np.ndarray, end: np.ndarray, turns: int = 9) -> np.ndarray:
     return start + s[:, None] * along + aside[:, None] * across
 
 
+@styled
 def draw(result: Result) -> Figure:
     """Return the figure: guess, closed linkage and equilibrium above, the swing below."""
     figure = Figure(figsize=(11.5, 6.6), layout="constrained")
@@ -152,7 +154,7 @@ def draw(result: Result) -> Figure:
     axes[0].set_ylabel("y (m)")
     shown = result.swing.t <= 2.0
     axis = below.subplots()
-    for k, (color, name) in enumerate((("tab:green", "slow mode"), ("tab:purple", "fast mode"))):
+    for k, (color, name) in enumerate(((GREEN, "slow mode"), (PURPLE, "fast mode"))):
         said = result.rest.frequencies[k] / (2.0 * np.pi)
         label = f"{name}: {result.frequencies[k]:.4f} Hz simulated, {said:.4f} Hz by the equilibrium"
         axis.plot(result.swing.t[shown], 1e3 * result.along[shown, k], color=color, label=label)

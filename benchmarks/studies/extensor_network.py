@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 
 import leastaction as la
 from leastaction.viz import plot_poses, plot_run, save_png
+from leastaction.viz.figures import styled
 
 BONES, BACK = (0.045, 0.028, 0.020), 0.006  # lengths, and how far the tendons are from the middle of the bones (m)
 MASSES = (0.020, 0.012, 0.007)
@@ -103,6 +104,7 @@ def solve(seconds: float = 4.0, dt: float = 1e-3) -> tuple[np.ndarray, np.ndarra
     return np.array(rests), np.array(shares), vi.simulate(vi.start(rests[0]), t, inputs=grown), unbalanced
 
 
+@styled
 def main(output: Path) -> None:
     """Solve, print and draw."""
     rests, shares, run, unbalanced = solve()

@@ -18,8 +18,9 @@ from matplotlib.figure import Figure
 
 from leastaction import Damping, Gravity, Mechanism, MidpointVI, Trajectory, world
 from leastaction.mechanics import Curve, Element, JointSpring, TendonForce, equilibrium
+from leastaction.viz.figures import BLUE, VERMILION, styled
 
-COLORS = {"flexor": "tab:red", "extensor": "tab:blue"}
+COLORS = {"flexor": VERMILION, "extensor": BLUE}
 JOINTS = ("knuckle", "middle", "tip")
 BONES = (0.045, 0.028, 0.020)  # lengths (m)
 MASSES = (0.020, 0.012, 0.007)
@@ -133,6 +134,7 @@ def simulate() -> Result:
     )
 
 
+@styled
 def draw(result: Result) -> Figure:
     """Return the figure: the finger at some instants, and its angles, tendons and tensions over time."""
     figure = Figure(figsize=(11.0, 7.2), layout="constrained")

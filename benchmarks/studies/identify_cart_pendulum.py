@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from scipy.optimize import OptimizeResult, least_squares
 
 from leastaction import Damping, Gravity, JointForce, Mechanism, MidpointVI, Trajectory, rz, tx, ty
+from leastaction.viz.figures import BLUE, ORANGE, styled
 
 NAMES = ["damping.x", "damping.theta", "bob.mass", "bob.value"]
 UNITS = ["N s/m", "N m s/rad", "kg", "m"]
@@ -126,6 +127,7 @@ def identify(measured: np.ndarray) -> Identified:
     return Identified(best.x, errors, chi2, simulations, seconds, jacobian_errors)
 
 
+@styled
 def draw(measured: np.ndarray, found: Identified) -> Figure:
     """Return the figure: measurements, first guess and fit above, what the fit leaves below."""
     fit = Fit(measured)
@@ -136,12 +138,12 @@ def draw(measured: np.ndarray, found: Identified) -> Figure:
     labels = ("position of the cart (m)", "angle of the pendulum (rad)")
     for i, (axis, label) in enumerate(zip(axes[:2], labels, strict=True)):
         axis.plot(t, measured[:, i], ".", ms=5, color="0.65", label="measured")
-        axis.plot(t, guessed[:, i], "--", lw=1, color="tab:orange", label="first guess")
-        axis.plot(t, fitted[:, i], lw=1.5, color="tab:blue", label="fit")
+        axis.plot(t, guessed[:, i], "--", lw=1, color=ORANGE, label="first guess")
+        axis.plot(t, fitted[:, i], lw=1.5, color=BLUE, label="fit")
         axis.set_ylabel(label)
         rest = axes[2 + i]
         rest.plot(t, (measured - fitted)[:, i] / NOISE[i], ".", ms=3, color="0.3")
-        rest.axhspan(-2.0, 2.0, color="tab:blue", alpha=0.1, lw=0)
+        rest.axhspan(-2.0, 2.0, color=BLUE, alpha=0.1, lw=0)
         rest.set(ylim=(-4.5, 4.5), yticks=(-2, 0, 2), ylabel=("cart", "pendulum")[i])
     axes[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
     axes[2].set_title("measured less fit, in units of the noise; band: twice the noise", fontsize=10)

@@ -42,6 +42,7 @@ from leastaction.optimal import (
     PiecewisePolynomial,
 )
 from leastaction.viz import plot_snapshots
+from leastaction.viz.figures import BLUE, ORANGE, styled
 from leastaction_marionette import FORCED, GENTLE, TrackingRun, load_motion, marionette_scene, track, walk_in_place
 
 T = np.linspace(0.0, 5.0, 501)
@@ -225,6 +226,7 @@ class Result:
     window: Window
 
 
+@styled
 def draw(result: Result) -> Figure:
     """Return the figure: the puppet on its motion, convergence, an elbow, and the tensions."""
     figure = Figure(figsize=(12.0, 8.4), layout="constrained")
@@ -245,9 +247,9 @@ def draw(result: Result) -> Figure:
     convergence.legend(frameon=False)
     t, i = run.trajectory.t, run.mechanism.variables.index(ELBOW)
     elbow.plot(t, np.degrees(run.reference[:, i]), "k:", label="wanted")
-    elbow.plot(t, np.degrees(run.trajectory.q[:, i]), color="tab:blue", lw=1.2, label="discrete")
+    elbow.plot(t, np.degrees(run.trajectory.q[:, i]), color=BLUE, lw=1.2, label="discrete")
     part = result.window
-    elbow.plot(part.t, np.degrees(part.q[:, i]), color="tab:orange", lw=2.4, alpha=0.7, label="continuous")
+    elbow.plot(part.t, np.degrees(part.q[:, i]), color=ORANGE, lw=2.4, alpha=0.7, label="continuous")
     elbow.set(xlabel="time (s)", ylabel=f"{ELBOW} (degrees)", xlim=(t[0], t[-1]), title=run.source)
     elbow.margins(y=0.15)
     elbow.legend(frameon=False, fontsize=8, ncols=3, loc="upper center")

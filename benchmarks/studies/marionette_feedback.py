@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 import leastaction as la
 from leastaction.models.marionette import marionette, rest_pose
 from leastaction.viz import plot_poses, plot_run, save_png
+from leastaction.viz.figures import styled
 
 T = np.linspace(0.0, 10.0, 1001)
 SHAKEN = 0.1  # of every variable at the start, at random (rad, m)
@@ -81,6 +82,7 @@ def off(shaken: la.Trajectory, run: la.Trajectory) -> np.ndarray:
     return np.sqrt(np.mean((shaken.q - run.q)[:, 3 : run.mechanism.nd] ** 2, axis=1))
 
 
+@styled
 def main(output: Path) -> None:
     """Simulate, print and draw."""
     run, shaken, seconds = solve()

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 import leastaction as la
 from leastaction.models.chain import pendulum_chain
 from leastaction.viz import plot_energy, save_png
+from leastaction.viz.figures import styled
 
 LINKS, DT = 20, 1e-3
 COUNTS = (5, 10, 20, 40, 80, 160, 320)
@@ -44,6 +45,7 @@ def seconds(links: int) -> float:
     return min(took) / 100
 
 
+@styled
 def main(output: Path) -> None:
     """Simulate, print and draw."""
     run, scale = fall()

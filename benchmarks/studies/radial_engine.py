@@ -30,6 +30,7 @@ from leastaction import (
     tx,
     variable,
 )
+from leastaction.viz.figures import BLUE, VERMILION, styled
 
 CYLINDERS, CRANK, ROD = 5, 0.05, 0.2  # m
 FORCE, SHARP, AFTER = 4000.0, 60.0, 0.25  # of the combustion: peak (N), width, and angle after the top (rad)
@@ -110,6 +111,7 @@ def solve(seconds: float = 6.0, dt: float = 5e-4) -> Result:
     return Result(run, float(residual), work, float(kinetic[-1] - kinetic[first]))
 
 
+@styled
 def draw(result: Result) -> Figure:
     """Return the figure: the engine, its speed, and what the gas pushes."""
     figure = Figure(figsize=(11.5, 5.4), layout="constrained")
@@ -125,9 +127,9 @@ def draw(result: Result) -> Figure:
         across = 0.035 * np.array([-out[1], out[0]])
         for side in (across, -across):
             axis.plot(*np.stack([0.13 * out + side, 0.28 * out + side]).T, color="0.7", lw=2)
-        axis.plot([pin[0], x], [pin[1], y], color="tab:blue", lw=2)
+        axis.plot([pin[0], x], [pin[1], y], color=BLUE, lw=2)
         axis.plot(
-            *np.stack([[x, y] - 0.9 * across, [x, y] + 0.9 * across]).T, color="tab:red", lw=7, solid_capstyle="butt"
+            *np.stack([[x, y] - 0.9 * across, [x, y] + 0.9 * across]).T, color=VERMILION, lw=7, solid_capstyle="butt"
         )
         axis.annotate(str(k + 1), 0.31 * out, ha="center", va="center")
     axis.set(aspect="equal", xlim=(-0.33, 0.33), ylim=(-0.33, 0.33), xlabel="x (m)", ylabel="y (m)")

@@ -25,6 +25,7 @@ from scipy.interpolate import CubicSpline
 from leastaction import MidpointVI, Trajectory
 from leastaction.errors import CoarseStepWarning, EnergyBalanceWarning
 from leastaction.models.scissor_lift import at_angle, scissor_lift
+from leastaction.viz.figures import BLUE, GREEN, INK, ORANGE, VERMILION, styled
 
 try:
     import mujoco
@@ -278,20 +279,21 @@ def solve() -> Result:
     )
 
 
+@styled
 def draw(result: Result) -> Figure:
     """Return the figure: the swing, its error, the effort by segments, and what tells of damping."""
     figure = Figure(figsize=(11.5, 7.4), layout="constrained")
     (angle, error), (by_segments, amplitude) = figure.subplots(2, 2)
-    colors = {"MuJoCo": ("tab:orange", "tab:red"), "ODE": ("tab:green", "tab:olive")}
+    colors = {"MuJoCo": (ORANGE, VERMILION), "ODE": (GREEN, INK)}
     for (name, dt), values in result.others.items():
         t, color = dt * np.arange(len(values)), colors[name][dt < DT]
         angle.plot(t, np.degrees(values), color=color, lw=1, label=f"{name}, steps of {1e3 * dt:g} ms")
     angle.plot(result.t, np.degrees(result.exact), color="0.6", lw=4, label="reference")
-    angle.plot(result.t, np.degrees(result.run["L0"]), color="tab:blue", lw=1, label="midpoint, steps of 10 ms")
+    angle.plot(result.t, np.degrees(result.run["L0"]), color=BLUE, lw=1, label="midpoint, steps of 10 ms")
     angle.set(xlabel="time (s)", ylabel="angle of the links (degrees)", xlim=(0.0, 5.0), ylim=(-20.0, 180.0))
     angle.set_title("five segments, let go")
     angle.legend(fontsize=8, loc="lower center", ncols=2)
-    error.plot(result.t, np.degrees(result.run["L0"] - result.exact), color="tab:blue", lw=1)
+    error.plot(result.t, np.degrees(result.run["L0"] - result.exact), color=BLUE, lw=1)
     error.set(xlabel="time (s)", ylabel="off by (degrees)", title="midpoint less reference", xlim=(0.0, 10.0))
     n = [one.segments for one in result.efforts]
     by_segments.loglog(n, [1e3 * one.seconds for one in result.efforts], "o-", label="time (ms)")
@@ -299,13 +301,11 @@ def draw(result: Result) -> Figure:
     by_segments.set(xlabel="segments", xticks=n, xticklabels=n, title=r"15 s to an error of 0.1 rad$^2$ s")
     by_segments.minorticks_off()
     by_segments.legend(frameon=False)
-    amplitude.plot(result.dampings, np.degrees(result.amplitudes), "o-", ms=4, color="tab:green")
+    amplitude.plot(result.dampings, np.degrees(result.amplitudes), "o-", ms=4, color=GREEN)
     true = np.interp(DAMPING, result.dampings, np.degrees(result.amplitudes))
-    amplitude.axhspan(
-        0.99 * true, 1.01 * true, color="tab:green", alpha=0.15, lw=0, label="within 1 % of the amplitude"
-    )
+    amplitude.axhspan(0.99 * true, 1.01 * true, color=GREEN, alpha=0.15, lw=0, label="within 1 % of the amplitude")
     wide = result.damping[-1] + 2.0 * result.error * np.array([-1.0, 1.0])
-    amplitude.axvspan(*wide, color="tab:blue", alpha=0.5, lw=0, label="fit of the motion, twice its error")
+    amplitude.axvspan(*wide, color=BLUE, alpha=0.5, lw=0, label="fit of the motion, twice its error")
     amplitude.set(xlabel="damping (N m s/rad)", ylabel="amplitude (degrees)", ylim=(0.95 * true, 1.05 * true))
     amplitude.set_title("what tells of damping")
     amplitude.legend(fontsize=8, loc="lower right")

@@ -29,6 +29,7 @@ from leastaction import (
 )
 from leastaction.mechanics import ExpressionConstraint, ExpressionForce
 from leastaction.mechanics.expressions.terms import input_, parameter, point, variable
+from leastaction.viz.figures import BLUE, ORANGE, VERMILION, styled
 
 GRAVITY = 9.81
 
@@ -163,33 +164,34 @@ def check(cam: Trajectory, ball: Trajectory, nut: Trajectory) -> Result:
     )
 
 
+@styled
 def draw(result: Result) -> Figure:
     """Return the figure, with a column for each element."""
     figure = Figure(figsize=(12.0, 5.6), layout="constrained")
     (lift, gap, travelled), (contact, current, speed) = figure.subplots(2, 3, sharex="col")
     cam, ball, nut = result.cam, result.ball, result.nut
     turned = cam["angle"] / (2.0 * np.pi)
-    lift.plot(turned, 1e3 * cam["lift"], color="tab:blue")
+    lift.plot(turned, 1e3 * cam["lift"], color=BLUE)
     lift.set(title="cam", ylabel="lift of the follower (mm)", xlim=(0.0, 2.0))
     # The constraint is h = height - profile, so its force on the follower is -lam/dt. An impulse acts at the
     # start of a step, the first for half a step only.
     force = -cam["cam"] / np.diff(cam.t)
-    contact.plot(turned[1:-1], force[1:], color="tab:red")
+    contact.plot(turned[1:-1], force[1:], color=VERMILION)
     contact.axhline(0.0, color="0.5", lw=0.8)
-    contact.fill_between(turned[1:-1], np.minimum(force[1:], 0.0), color="tab:red", alpha=0.25, lw=0)
+    contact.fill_between(turned[1:-1], np.minimum(force[1:], 0.0), color=VERMILION, alpha=0.25, lw=0)
     contact.set(xlabel="turns of the cam", ylabel="force on the follower (N)", xlim=(0.0, 2.0))
     contact.text(1.0, 1.2, "shaded: the cam\nwould have to pull", ha="center", fontsize=9)
     wanted = np.where(ball.t < ball.t[-1] / 3.0, 20.0, 16.0)
     gap.plot(ball.t, wanted, "--", color="0.5", lw=1, label="wanted")
-    gap.plot(ball.t, -1e3 * ball["z"], color="tab:blue", label="gap")
+    gap.plot(ball.t, -1e3 * ball["z"], color=BLUE, label="gap")
     gap.set(title="magnet with a current", ylabel="gap under the coil (mm)", ylim=(23.5, 15.0))
     gap.legend(frameon=False, loc="lower right")
-    current.plot(ball.t[:-1], ball.inputs[:, 0], color="tab:orange")
+    current.plot(ball.t[:-1], ball.inputs[:, 0], color=ORANGE)
     current.set(xlabel="time (s)", ylabel="current (A)")
-    travelled.plot(nut.t, -1e3 * nut["z"], color="tab:blue")
+    travelled.plot(nut.t, -1e3 * nut["z"], color=BLUE)
     travelled.set(title="screw of growing pitch", ylabel="travel of the nut (mm)")
     rate = np.diff(nut["angle"]) / np.diff(nut.t) / (2.0 * np.pi)
-    speed.plot(0.5 * (nut.t[1:] + nut.t[:-1]), rate, color="tab:red")
+    speed.plot(0.5 * (nut.t[1:] + nut.t[:-1]), rate, color=VERMILION)
     speed.set(xlabel="time (s)", ylabel="speed of the screw (turns/s)")
     for axis in figure.axes:
         axis.margins(x=0.0)

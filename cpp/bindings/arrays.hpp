@@ -111,12 +111,6 @@ inline std::vector<double> configuration_of(const Mechanism& m, const In<1>& val
     return configuration_of(m, values.data());
 }
 
-// For what is not defined, or not done yet, where a rotation is a quaternion.
-inline void expect_no_balls(const Mechanism& m, const char* what) {
-    if (!m.balls.empty())
-        throw std::invalid_argument(std::string(what) + ": not of a mechanism with rotations that are quaternions");
-}
-
 // Some of the entries of a list, those of the parts of one element, or all.
 template <class List>
 List some_of(const List& all, const std::optional<ElementParts>& parts, int ElementCounts::* kind) {

@@ -261,8 +261,7 @@ ParameterDerivatives by_parameters(const Midpoint& midpoint, const In<1>& t, con
 Out curvature_by_length(const Midpoint& midpoint, const In<1>& t, const In<2>& x, const In<2>& u, const In<2>& w,
                         bool multipliers, int threads, double first_share) {
     const Mechanism& m = midpoint.mechanism();
-    const std::size_t N = check(m, t, x, u), nx = m.n_states(), weights = w.shape(1);
-    expect_no_balls(m, "second derivatives by the time step");
+    const std::size_t N = check(m, t, x, u), nx = m.n_tangent(), weights = w.shape(1);
     expect(w.shape(0), N, "w");
     if (weights != nx) expect(weights, nx + m.n_constraints(), "weights");
     const std::size_t n = nx + m.n_controls() + (multipliers ? m.n_constraints() : 0) + 1;

@@ -50,7 +50,7 @@ void SecondOrder::hessian(double dt, const FirstOrder& first) {
     add_lagrangian(dt);
     add_potentials();
     if (!turned_) add_instant_forces();
-    add_forces(dt);  // which leaves q_mid_ and all that by_time_step() needs
+    add_forces(dt);
     if (turned_) add_bends(dt);
     if (turned_) add_instant_forces();  // whose turns are those of the start alone
     const bool at_ends = turned_ && (nc_ > 0 || prescribed_turns_ || !mechanism_.instant_forces.empty());
@@ -125,12 +125,8 @@ void SecondOrder::add_potentials() {
     });
 }
 
-// Of the forces: mu.fd- + w_p.fd+ = (kappa- mu + kappa+ w_p).f at the midpoint, with q = (q1 + q2)/2, v = (q2 - q1)/dt.
-void SecondOrder::add_forces(double dt) {
-    const Mechanism& m = mechanism_;
-    if (m.forces.empty() && !turned_) return;
+void SecondOrder::begin_forces(double dt) {
     const double km = kappa_minus(split_, dt), kp = kappa_plus(split_, dt);
-    const int at_u = nq_ + nd_;
     const auto [mu_z, w_z, n_z] = directions();
     for (int i = 0; i < nd_; ++i) mu_force_[i] = km * mu_z[i] + kp * w_z[i];
     for (int i = 0; i < nq_; ++i) {
@@ -138,6 +134,14 @@ void SecondOrder::add_forces(double dt) {
         v_[i] = (q2[i] - q1[i]) / dt;
     }
     if (turned_) place_balls();
+}
+
+// Of the forces: mu.fd- + w_p.fd+ = (kappa- mu + kappa+ w_p).f at the midpoint, with q = (q1 + q2)/2, v = (q2 - q1)/dt.
+void SecondOrder::add_forces(double dt) {
+    const Mechanism& m = mechanism_;
+    if (m.forces.empty() && !turned_) return;
+    const int at_u = nq_ + nd_;
+    begin_forces(dt);
     const double time = t + 0.5 * dt;
     turned_middle_.visit([&](const auto& turned) {
         each_force_curvature(m.forces, m.force_joints, time, [&](const auto& force, std::size_t size, const auto& P) {
@@ -247,21 +251,25 @@ void SecondOrder::add_constraints() {
     }
 }
 
-double SecondOrder::by_time_step(double dt, const FirstOrder& first, const MidpointStep& step, const double* Y_dt,
+double SecondOrder::by_time_step(double dt, const FirstOrder& first, MidpointStep& step, const ParameterSlopes& slopes,
                                  double* out) {
     using Vector = Eigen::VectorXd;
     const Mechanism& m = mechanism_;
     const int ny = nd_ + nc_;
     by_instants_.begin(nq_, nu_);
     auto& [e, c, by_q1, by_q2, by_u] = by_instants_;
-    Vector &v = at_v_, &g = g_, &by_q = by_q_, &by_v = by_v_, &T_vv_v = T_vv_v_, &L_vv_g = L_vv_g_;
+    Vector &v = at_v_, &g = g_, &by_q = by_q_, &T_vv_v = T_vv_v_, &L_vv_g = L_vv_g_;
     for (Vector* a : {&v, &g, &by_q, &T_vv_v, &L_vv_g}) a->setZero(nq_);
+    const double km = kappa_minus(split_, dt), kp = kappa_plus(split_, dt);
+    const auto [mu, w, n_z] = directions();
     for (int i = 0; i < nq_; ++i) v[i] = (q2[i] - q1[i]) / dt;
-    for (int i = 0; i < nd_; ++i) {
-        e[i] = 0.5 * (mu_[i] + w_p[i]);
-        g[i] = w_p[i] - mu_[i];
+    for (int i = 0; i < n_z; ++i) {
+        e[i] = 0.5 * (mu[i] + w[i]);
+        g[i] = w[i] - mu[i];
+        c[i] = (km * mu[i] + kp * w[i]) / dt;
     }
-    const PairDerivatives &T = dual_.pairs, &L = step.lagrangian().pairs;
+    if (turned_) dual_.hessian();  // in the kernel's coordinates, along a field that is held
+    const PairDerivatives &T = dual_.pairs, &L = step.kernel_pairs();
     each_pair(m, T.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
         by_q[i] -= weight * T.q_v[at] * v[j] / dt;
         T_vv_v[i] += weight * T.vv[at] * v[j];
@@ -279,34 +287,30 @@ double SecondOrder::by_time_step(double dt, const FirstOrder& first, const Midpo
     const ForcePoint<double> middle = step.middle();
     for_each_entry(m.potentials, middle.at, middle.q, local_,
                    [&](int i, int j, double bend) { by_q[i] -= bend * e[j]; });
-    by_v = -(T_vv_v + L_vv_g) / dt;
+    by_v_ = -(T_vv_v + L_vv_g) / dt;
     double twice = (v.dot(T_vv_v) + 2.0 * v.dot(L_vv_g)) / (dt * dt);
 
-    const double km = kappa_minus(split_, dt) / dt, kp = kappa_plus(split_, dt) / dt;
-    for (int i = 0; i < nd_; ++i) c[i] = km * mu_[i] + kp * w_p[i];
     for (const auto& [i, input] : m.joint_forces) by_u[input] += c[i];
     for_each_entry(
         m.forces, middle, force_, [&](int i, int j, double f_q, double) { by_q[j] += c[i] * f_q; },
         [&](int i, int input, double f_u) { by_u[input] += c[i] * f_u; });
-    for (const auto& force : m.forces) {
-        const auto &support = force->support(), &inputs = force->inputs();
-        const std::size_t n = support.size(), r = inputs.size(), size = 2 * n + r;
-        force->curvature({at_middle_, q_mid_.data(), v_.data(), u.data()},
-                         {*along_v_, *along_mu_, q_along_v_.data(), q_along_mu_.data(), mu_force_.data()}, force_);
-        for (std::size_t b = 0; b < n; ++b) {
-            const double rate = v[support[b]] / dt;  // second derivatives are those of dt c.f
-            const double* row = &force_.second[(n + b) * size];
-            for (std::size_t a = 0; a < n; ++a) {
-                by_q[support[a]] -= row[a] * rate;
-                by_v[support[a]] -= row[n + a] * rate;
-                twice += row[n + a] * rate * v[support[a]] / dt;
-            }
-            for (std::size_t a = 0; a < r; ++a) by_u[inputs[a]] -= row[2 * n + a] * rate;
-        }
-    }
-
-    by_q2 = 0.5 * by_q + by_v / dt;
-    by_q1 = 0.5 * by_q - by_v / dt;
+    begin_forces(dt);
+    each_force_curvature(m.forces, m.force_joints, t + 0.5 * dt,
+                         [&](const auto& force, std::size_t size, const auto& second) {
+                             const auto &support = force.support(), &inputs = force.inputs();
+                             const std::size_t n = support.size();
+                             for (std::size_t b = 0; b < n; ++b) {
+                                 const double rate = v[support[b]] / dt;  // second derivatives are those of dt c.f
+                                 const double* row = &second[(n + b) * size];
+                                 for (std::size_t a = 0; a < n; ++a) {
+                                     by_q[support[a]] -= row[a] * rate;
+                                     by_v_[support[a]] -= row[n + a] * rate;
+                                     twice += row[n + a] * rate * v[support[a]] / dt;
+                                 }
+                                 for (std::size_t a = 0; a < inputs.size(); ++a)
+                                     by_u[inputs[a]] -= row[2 * n + a] * rate;
+                             }
+                         });
     const double grows = share / dt;
     for (const auto& [i, input] : m.instant_joint_forces) by_u[input] += grows * mu_[i];
     for_each_entry(
@@ -317,21 +321,36 @@ double SecondOrder::by_time_step(double dt, const FirstOrder& first, const Midpo
         [&](int i, int input, double f_u) {
             if (i < nd_) by_u[input] += grows * mu_[i] * f_u;
         });
-    by_y_.setZero(ny, 1);
-    by_y_.col(0).head(nd_) = by_q2.head(nd_);
-    const Eigen::Map<const Vector> Y_t(Y_dt, ny);
-    bent_.noalias() = W_yy_ * Y_t;
-    Eigen::Map<Vector> by_theta(out, n_theta_);
-    by_theta.setZero();
-    by_theta.head(nq_) = by_q1;
-    by_theta.segment(nq_ + nd_, nu_) = by_u;
-    by_theta.tail(nq_ - nd_) = by_q2.tail(nq_ - nd_);
-    for (int i = 0; i < ny; ++i) {
-        const double whole = by_y_(i, 0) + bent_(i, 0), own = Y_t[i], *row = &first.Y[i * first.ld];
-        for (int j = 0; j < n_theta_; ++j) by_theta[j] += whole * row[j] + own * W_yth_(i, j);
-        twice += own * (2.0 * by_y_(i, 0) + bent_(i, 0));
+    if (turned_) {
+        changes_.setZero(nq_, 3);
+        for (int i = 0; i < nd_; ++i) {
+            changes_(i, 0) = dt * slopes.L_q[i] + (km + kp) * slopes.f[i];
+            changes_(i, 1) = slopes.L_v[i] + 0.5 * (kp - km) * slopes.f[i];
+        }
+        for_each_entry(m.instant_forces, step.instant(), force_, [&](int i, double f) { changes_(i, 2) += grows * f; });
     }
-    return twice;
+    by_y_.setZero(ny, 1);
+    const Vector own = Eigen::Map<const NewtonMatrix::Matrix>(slopes.Y.data(), ny, slopes.ld).col(0);
+    bent_.noalias() = W_yy_ * own;
+    by_theta(dt, first, 0, own, out);
+    return twice + own.dot(2.0 * by_y_.col(0) + bent_.col(0));
+}
+
+void SecondOrder::by_theta(double dt, const FirstOrder& first, int column, const Eigen::VectorXd& own, double* out) {
+    if (turned_) turn_changes(dt);
+    auto& [e, c, by_q1, by_q2, by_u] = by_instants_;
+    by_q1 += 0.5 * by_q_ - by_v_ / dt;
+    by_q2 += 0.5 * by_q_ + by_v_ / dt;
+    by_y_.col(column).head(nd_) = by_q2.head(nd_);
+    Eigen::Map<Eigen::VectorXd> row(out, n_theta_);
+    row.setZero();
+    row.head(nq_) = by_q1;
+    row.segment(nq_ + nd_, nu_) = by_u;
+    row.tail(nq_ - nd_) = by_q2.tail(nq_ - nd_);
+    for (int i = 0; i < nd_ + nc_; ++i) {
+        const double whole = by_y_(i, column) + bent_(i, column), *Y = &first.Y[i * first.ld];
+        for (int j = 0; j < n_theta_; ++j) row[j] += whole * Y[j] + own[i] * W_yth_(i, j);
+    }
 }
 
 void SecondOrder::add_products(const FirstOrder& first) {

@@ -51,8 +51,9 @@ public:
     // Its lower triangle into `out`, one row after the other; `order`: which entry of th stands where.
     void write_packed(const std::vector<int>& order, double* out) const;
     // After that: second derivatives by th and the time step into `out` (n_theta); returns that by the time step twice.
-    // Y_dt: of (q2; lam) by the time step.
-    double by_time_step(double dt, const FirstOrder& first, const MidpointStep& step, const double* Y_dt, double* out);
+    // slopes: of the step by its length alone.
+    double by_time_step(double dt, const FirstOrder& first, MidpointStep& step, const ParameterSlopes& slopes,
+                        double* out);
     // After hessian(): second derivatives by numbers of elements, in directions of their space (with none of gravity), and
     // by th, rows of n_theta of `out`, and by two of them, `twice`. slopes: of the step by these directions.
     void by_numbers(double dt, const FirstOrder& first, const MidpointStep& step,
@@ -85,8 +86,11 @@ private:
     void note_constraint_at_start(int c);
     void note_constraint_at_end(int c);
     void turn_ends();
-    // What a number changes of balls: its gradients by the middle and by both ends, as turns of the ends in place.
-    void turn_number_rows(double dt);
+    // What a number, or the time step, changes of balls: gradients by the middle and both ends, as turns of the ends in place.
+    void turn_changes(double dt);
+    // After that of a change of S by_instants_, by_q_ and by_v_, and by_y_ of the multipliers: second derivatives by it and
+    // th into `out`, and by_y_ of q2. own, bent: (q2; lam) by it, and W_yy times that, of which `column` is used.
+    void by_theta(double dt, const FirstOrder& first, int column, const Eigen::VectorXd& own, double* out);
     TurnedAxis axis_at_start(const Ball& ball) const;  // of mu
     double& entry(int a, int b);                       // of (q1, q2) by (q1, q2), a kept triangle of it
     void add_ends(int a, int b, double value);         // of what is symmetric there, called for (a, b) and (b, a)
@@ -103,6 +107,7 @@ private:
     void add_prescribed_turns();
     void add_lagrangian(double dt);
     void add_potentials();
+    void begin_forces(double dt);
     void add_forces(double dt);
     void add_instant_forces();
     // Calls sink(force, size, second) with the Hessian of mu_force_.f by [q; v; u], (size, size), at q_mid_, v_, u, time.
@@ -164,7 +169,7 @@ private:
     AtInstants by_instants_;
     Eigen::VectorXd g_, at_v_, by_q_, by_v_, T_vv_v_, L_vv_g_;
     Eigen::MatrixXd by_y_, bent_;
-    Eigen::MatrixXd bent_rows_;  // what dt L_q, forces and the start change by with a number, of balls
+    Eigen::MatrixXd changes_;  // of the rows of (theta, nu) and of the start, by variable: what turn_changes() reads
     std::vector<double> moved_;
 };
 

@@ -31,6 +31,17 @@ int for_each_step(const Midpoint& integrator, int steps, int threads, const OfSt
     return first_failure.load();
 }
 
+// Weights of the next state, or of multipliers too.
+void load_weights(const Layout& at, const double* W_k, int weights, SecondOrder& second) {
+    for (int i = 0; i < at.nd; ++i) {
+        second.w_q[i] = W_k[at.m.external[i]];
+        second.w_p[i] = W_k[at.nq + at.m.external[i]];
+    }
+    for (int c = 0; c < at.nc; ++c) second.w_lam[c] = weights > at.ndx ? W_k[at.ndx + c] : 0.0;
+    for (const Ball& ball : at.m.balls)
+        if (ball.prescribed) std::copy_n(W_k + ball.variable, 3, second.w_rho.begin() + ball.variable - at.nd);
+}
+
 std::size_t record_size(const Layout& at) {
     return 2 * at.m.n_coordinates() + at.ni + at.nc + 2 +
            static_cast<std::size_t>(at.nc) * (at.theta + at.nc + 2 * at.nd);
@@ -161,13 +172,7 @@ void Linearization::each_hessian(const double* W, int weights, int threads, cons
             std::copy_n(record, size, to);
             record += size;
         });
-        for (int i = 0; i < at.nd; ++i) {
-            second.w_q[i] = W_k[at.m.external[i]];
-            second.w_p[i] = W_k[at.nq + at.m.external[i]];
-        }
-        for (int c = 0; c < nc; ++c) second.w_lam[c] = weights > ndx ? W_k[ndx + c] : 0.0;
-        for (const Ball& ball : at.m.balls)
-            if (ball.prescribed) std::copy_n(W_k + ball.variable, 3, second.w_rho.begin() + ball.variable - at.nd);
+        load_weights(at, W_k, weights, second);
         second.hessian(dt_.data()[k], first);
         write(second, k);
         return true;
@@ -217,7 +222,7 @@ int differentiate_by_parameters(const Midpoint& integrator, int steps, const dou
 
 namespace {
 
-// Prepares second derivatives of a step that was differentiated, with weights of the next state, or of multipliers too.
+// Prepares second derivatives of a step that was differentiated.
 void load_second(const Layout& at, const MidpointStep& step, const double* W_k, int weights, double share,
                  SecondOrder& second) {
     std::copy(step.q1.begin(), step.q1.end(), second.q1.begin());
@@ -226,11 +231,7 @@ void load_second(const Layout& at, const MidpointStep& step, const double* W_k, 
     std::copy(step.lam.begin(), step.lam.end(), second.lam.begin());
     second.share = share;
     second.t = step.t;
-    for (int i = 0; i < at.nd; ++i) {
-        second.w_q[i] = W_k[at.m.external[i]];
-        second.w_p[i] = W_k[at.nq + at.m.external[i]];
-    }
-    for (int c = 0; c < at.nc; ++c) second.w_lam[c] = weights > at.ndx ? W_k[at.ndx + c] : 0.0;
+    load_weights(at, W_k, weights, second);
 }
 
 }  // namespace
@@ -253,16 +254,15 @@ int curvature_by_time_step(const Midpoint& integrator, int steps, const double* 
         ParameterSlopes& slopes = workspace.slopes();
         slopes.differentiate(step, first, dt, lengths);
         load_second(at, step, W_k, weights, share, second);
-        std::vector<double> row(at.theta), Y_dt(at.nd + at.nc);
-        for (int i = 0; i < at.nd + at.nc; ++i) Y_dt[i] = slopes.Y[i * slopes.ld];
+        std::vector<double> row(at.theta);
         second.hessian(dt, first);
         double* H = out + k * size * size;
         std::fill_n(H, size * size, 0.0);
-        double *by = H + n * size, twice = second.by_time_step(dt, first, step, Y_dt.data(), row.data());
+        double *by = H + n * size, twice = second.by_time_step(dt, first, step, slopes, row.data());
         at.scatter(row.data(), by, by + at.ny);
         for (int i = at.nd; i < at.nq; ++i) {  // (rho2 - rho1)/dt
             const double w = W_k[at.nq + i], change = w / (dt * dt);
-            by[i] += change;
+            if (step.turned_middle().ball_of(i) < 0) by[i] += change;  // of turns the rate is that of the step alone
             by[at.ny + at.ni + i - at.nd] -= change;
             twice += 2.0 * change * (step.q2[i] - step.q1[i]) / dt;
         }

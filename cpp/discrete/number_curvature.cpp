@@ -124,7 +124,6 @@ double width(const std::vector<double>& numbers, const std::vector<double>& dire
 void SecondOrder::by_numbers(double dt, const FirstOrder& first, const MidpointStep& step,
                              const std::vector<Parameter>& directions, ParameterSlopes& slopes, double* out,
                              double* twice) {
-    using Vector = Eigen::VectorXd;
     const int ny = nd_ + nc_, count = static_cast<int>(directions.size());
     const double km = kappa_minus(split_, dt), kp = kappa_plus(split_, dt);
     AtInstants& by = by_instants_;
@@ -138,7 +137,6 @@ void SecondOrder::by_numbers(double dt, const FirstOrder& first, const MidpointS
         g_[i] = w_z[i] - mu_z[i];
     }
     NumberPoint point(mechanism_, step, dt, mu_, by.e, by.c, g_, slopes.duals);
-    const Eigen::Map<const NewtonMatrix::Matrix> Y(first.Y.data(), ny, first.ld);
     const Eigen::Map<const NewtonMatrix::Matrix> Y_all(slopes.Y.data(), ny, slopes.ld);
     bent_.noalias() = W_yy_ * Y_all.leftCols(count);
     for (int a = 0; a < count; ++a) {
@@ -151,22 +149,12 @@ void SecondOrder::by_numbers(double dt, const FirstOrder& first, const MidpointS
         point.gradient(along, by_q_.data(), by_v_.data(), by.q1.data(), by.q2.data(), by.u.data(),
                        by_y_.col(a).data() + nd_);
         if (turned_) {
-            bent_rows_.setZero(nq_, 3);
-            point.rows(along, bent_rows_.col(0).data(), bent_rows_.col(1).data(), bent_rows_.col(2).data());
-            turn_number_rows(dt);
+            changes_.setZero(nq_, 3);
+            point.rows(along, changes_.col(0).data(), changes_.col(1).data(), changes_.col(2).data());
+            changes_.col(0) += (km + kp) * changes_.col(1);
+            changes_.col(1) *= 0.5 * (kp - km);
         }
-        by.q1 += 0.5 * by_q_ - by_v_ / dt;
-        by.q2 += 0.5 * by_q_ + by_v_ / dt;
-        by_y_.col(a).head(nd_) = by.q2.head(nd_);
-        Eigen::Map<Vector> by_theta(out + static_cast<std::ptrdiff_t>(a) * n_theta_, n_theta_);
-        by_theta.setZero();
-        by_theta.head(nq_) = by.q1;
-        by_theta.segment(nq_ + nd_, nu_) = by.u;
-        by_theta.tail(nq_ - nd_) = by.q2.tail(nq_ - nd_);
-        for (int i = 0; i < ny; ++i) {
-            const double whole = by_y_(i, a) + bent_(i, a), own = Y_all(i, a);
-            for (int j = 0; j < n_theta_; ++j) by_theta[j] += whole * Y(i, j) + own * W_yth_(i, j);
-        }
+        by_theta(dt, first, a, Y_all.col(a), out + static_cast<std::ptrdiff_t>(a) * n_theta_);
     }
     for (int b = 0; b < count; ++b) {
         const std::vector<double>& along = directions[b].numbers;

@@ -32,7 +32,7 @@ void NumberDuals::look(const double* numbers, const double* direction) {
 
 ParameterSlopes::ParameterSlopes(const Mechanism& mechanism)
     : duals(mechanism), m_(mechanism), still_(mechanism.numbers.size()) {
-    for (auto* a : {&L_q_, &L_v_, &f_, &kick_, &L_qv_v_, &L_vv_v_, &f_v_v_, &force_, &start_, &end_})
+    for (auto* a : {&L_q, &L_v, &f, &kick_, &L_qv_v_, &L_vv_v_, &f_v_v_, &force_, &start_, &end_})
         a->resize(m_.n_variables());
 }
 
@@ -61,9 +61,9 @@ void ParameterSlopes::set_along_velocity(MidpointStep& step) {
 void ParameterSlopes::add_time_step(MidpointStep& step, double dt) {
     set_along_velocity(step);
     for (int i = 0; i < m_.n_dynamic; ++i) {
-        L_q_[i] += (step.lagrangian().L_q[i] - L_qv_v_[i]) / dt;
-        L_v_[i] -= L_vv_v_[i] / dt;
-        f_[i] += (force_[i] - f_v_v_[i]) / dt;
+        L_q[i] += (step.lagrangian().L_q[i] - L_qv_v_[i]) / dt;
+        L_v[i] -= L_vv_v_[i] / dt;
+        f[i] += (force_[i] - f_v_v_[i]) / dt;
     }
     const double grows = step.share / dt;
     for (const auto& [i, input] : m_.instant_joint_forces) kick_[i] += grows * step.middle().u[input];
@@ -76,14 +76,14 @@ void ParameterSlopes::add_numbers(const Parameter& parameter, const MidpointStep
     duals.start.time.d = parameter.time;
     duals.middle.time.d = parameter.middle_time();
     duals.end.time.d = parameter.end_time();
-    for (const auto& [i, slot] : m_.damping) f_[i] -= direction[slot] * step.middle().v[i];
+    for (const auto& [i, slot] : m_.damping) f[i] -= direction[slot] * step.middle().v[i];
     for (const Rotor& rotor : m_.rotors)
         rotor.each_momentum(duals.middle, duals.V.data(),
-                            [&](int i, const Dual<double>& momentum) { L_v_[i] += momentum.d; });
+                            [&](int i, const Dual<double>& momentum) { L_v[i] += momentum.d; });
     for_each_entry(m_.potentials, duals.middle, duals.Q.data(), duals.local,
-                   [&](int i, const Dual<double>& slope) { L_q_[i] -= slope.d; });
+                   [&](int i, const Dual<double>& slope) { L_q[i] -= slope.d; });
     for_each_entry(m_.forces, duals.at_middle(), duals.force,
-                   [&](int i, const Dual<double>& force) { f_[i] += force.d; });
+                   [&](int i, const Dual<double>& force) { f[i] += force.d; });
     for_each_entry(m_.instant_forces, duals.at_start(), duals.force,
                    [&](int i, const Dual<double>& force) { kick_[i] += step.share * force.d; });
     const int nd = m_.n_dynamic;
@@ -110,18 +110,18 @@ void ParameterSlopes::differentiate(MidpointStep& step, const FirstOrder& first,
     if (std::any_of(parameters.begin(), parameters.end(), by_duals)) duals.place_at(step, dt);
     for (int k = 0; k < count; ++k) {
         const Parameter& parameter = parameters[k];
-        for (auto* a : {&L_q_, &L_v_, &f_, &kick_}) std::fill(a->begin(), a->end(), 0.0);
+        for (auto* a : {&L_q, &L_v, &f, &kick_}) std::fill(a->begin(), a->end(), 0.0);
         for (const auto& [joint, inertia] : parameter.inertias)
-            step.lagrangian().add_inertia_slope(joint, inertia, L_q_, L_v_);
+            step.lagrangian().add_inertia_slope(joint, inertia, L_q, L_v);
         if (!parameter.numbers.empty() && m_.gravity_slot >= 0) {
             const double* g = parameter.numbers.data() + m_.gravity_slot;
-            step.lagrangian().add_gravity_slope({g[0], g[1], g[2]}, L_q_);
+            step.lagrangian().add_gravity_slope({g[0], g[1], g[2]}, L_q);
         }
         if (by_duals(parameter)) add_numbers(parameter, step, k);
         if (parameter.time_step) add_time_step(step, dt);
         for (int i = 0; i < nd; ++i) {
-            start_[i] = 0.5 * dt * L_q_[i] - L_v_[i] + km * f_[i];
-            end_[i] = 0.5 * dt * L_q_[i] + L_v_[i] + kp * f_[i];
+            start_[i] = 0.5 * dt * L_q[i] - L_v[i] + km * f[i];
+            end_[i] = 0.5 * dt * L_q[i] + L_v[i] + kp * f[i];
         }
         step.turn_rows(start_.data(), end_.data(), nd);
         for (int i = 0; i < nd; ++i) {

@@ -58,9 +58,10 @@ public:
     void differentiate(MidpointStep& step, const FirstOrder& first, double dt,
                        const std::vector<Parameter>& parameters);
 
-    int ld = 0;           // of the rows: the parameters, padded
-    AlignedVector Y, P2;  // of (q2; lam) and p2, rows of ld
-    NumberDuals duals;    // at the last step, if some parameter was a direction of numbers
+    int ld = 0;                       // of the rows: the parameters, padded
+    AlignedVector Y, P2;              // of (q2; lam) and p2, rows of ld
+    NumberDuals duals;                // at the last step, if some parameter was a direction of numbers
+    std::vector<double> L_q, L_v, f;  // what they change by with the last parameter, by variable; f: the forces
 
 private:
     void add_numbers(const Parameter& parameter, const MidpointStep& step, int column);
@@ -69,7 +70,7 @@ private:
 
     const Mechanism& m_;
     const std::vector<double> still_;  // the direction in which no number changes
-    std::vector<double> L_q_, L_v_, f_, kick_, start_, end_;
+    std::vector<double> kick_, start_, end_;
     // Products of second derivatives at the midpoint with its velocity, by variable: L_qv v, L_vv v, f_v v, and the force f.
     std::vector<double> L_qv_v_, L_vv_v_, f_v_v_, force_;
     LocalForce<double> local_;

@@ -24,6 +24,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "discrete/newton_step.hpp"
 #include "discrete/root_trust.hpp"
@@ -187,6 +188,10 @@ bool MidpointStep::follow(double from, double to, double dt) {
     for (int i = 0; i < mechanism_->n_kinematic; ++i) q2[nd_ + i] = q1[nd_ + i] + to / dt * (rho2_[i] - q1[nd_ + i]);
     place_prescribed();
     double last = 0, first = 0, way = 0;
+    const auto is_within_chart = [&](const Ball& ball) {  // which ends at a full turn (turning.hpp)
+        const double* phi = &q2[ball.variable];
+        return ball.prescribed || std::hypot(phi[0], phi[1], phi[2]) < 2.0 * std::numbers::pi;
+    };
     for (int corrections = 0; corrections < max_corrections; ++corrections) {
         evaluate(to);
         // The second correction is made with the matrix of the first.
@@ -216,6 +221,7 @@ bool MidpointStep::follow(double from, double to, double dt) {
             const bool crosses = (s < 0) != (path_s_ < 0);
             const double turn = s_is_by_constraints_ ? straight : straight_past_infinity;
             if (crosses && !(first <= turn * turn * way)) return false;
+            if (!std::ranges::all_of(mechanism_->balls, is_within_chart)) return false;
             path_s_ = s;
             for (int i = 0; i < nd_; ++i) {
                 const double v = (q2[i] - q1[i]) / to;

@@ -6,7 +6,9 @@
 //   X_u X_v S = z'_u' (r.Z)_zz z'_v  [Z held]  +  (X_u Z).(r_z z'_v) + (X_v Z).(r_z z'_u)  +  r.X_u X_v Z  +  (r_z'Z).X_u X_v z,
 //
 // the symmetric part of it: second derivatives along exp. The first three are those of duals along Z, of which z' changes by
-// X_u Z (turned_middle.hpp); the last two are a ball's own.
+// X_u Z (turned_middle.hpp); the last two are a ball's own. By a number or the time step, a, of which z is none,
+//
+//   X_u S_a = (r_a.Z)_z z'_u  [Z held]  +  r_a.X_u Z.
 #include <algorithm>
 
 #include "discrete/curvature.hpp"
@@ -247,10 +249,9 @@ void SecondOrder::turn_ends() {
     }
 }
 
-void SecondOrder::turn_number_rows(double dt) {
+void SecondOrder::turn_changes(double dt) {
     using Vector3 = Eigen::Vector3d;
     using Vector6 = Eigen::Matrix<double, 6, 1>;
-    const double km = kappa_minus(split_, dt), kp = kappa_plus(split_, dt);
     const auto times = [](const Vector6& rows, const Matrix6& slope) {
         Vector6 out = Vector6::Zero();
         for (int i = 0; i < 6; ++i)
@@ -261,12 +262,11 @@ void SecondOrder::turn_number_rows(double dt) {
     for (std::size_t b = 0; b < mechanism_.balls.size(); ++b) {
         const Ball& ball = mechanism_.balls[b];
         const int at = ball.variable;
-        const Vector3 own = bent_rows_.col(2).segment<3>(at), end = by_q2.segment<3>(at);
-        const Vector3 of_e = bent_rows_.col(0).segment<3>(at), of_c = bent_rows_.col(1).segment<3>(at);
+        const Vector3 end = by_q2.segment<3>(at);
         Vector6 rows, of_field;
         rows << by_q_.segment<3>(at), by_v_.segment<3>(at) / dt;
-        of_field << of_e + (km + kp) * of_c, 0.5 * (kp - km) * of_c;
-        by_q1.segment<3>(at) += axis_at_start(ball).slope().transpose() * own;
+        of_field << changes_.col(0).segment<3>(at), changes_.col(1).segment<3>(at);
+        by_q1.segment<3>(at) += axis_at_start(ball).slope().transpose() * changes_.col(2).segment<3>(at);
         Vector6 by;  // s and d
         if (ball.prescribed) {
             const GivenTurning turning(&q2[at]);

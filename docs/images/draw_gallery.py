@@ -1,4 +1,4 @@
-"""Write what the examples print into docs/gallery.md, at the end of the section of each.
+"""Write what the examples print into docs/gallery.md, into the sections that show it, and keep their pictures.
 
 python docs/images/draw_gallery.py [7 9 ...]
 
@@ -8,6 +8,7 @@ All of them if none is named. A test holds the page against what they print.
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -27,13 +28,15 @@ def main(numbers: set[int]) -> None:
         with tempfile.TemporaryDirectory() as pictures:
             command = [sys.executable, "-W", "error", str(script), "--out", pictures]
             printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-        section = re.compile(rf"^(## {number} .*?)(?:\n```text\n.*?```\n)?(?=\n## |\Z)", re.MULTILINE | re.DOTALL)
-        parts = section.search(page)
-        if parts is None:
+            shutil.copy(Path(pictures) / f"{script.stem}.png", Path(__file__).with_name(f"gallery_{script.stem}.png"))
+        found = re.search(rf"^## {number} .*?(?=\n## |\Z)", page, re.MULTILINE | re.DOTALL)
+        if found is None:
             raise SystemExit(f"{PAGE.name} has no section '## {number} ...'")
-        page = f"{page[: parts.start()]}{parts[1]}\n```text\n{printed.rstrip()}\n```\n{page[parts.end() :]}"
+        block = f"```text\n{printed.rstrip()}\n```\n"
+        section = re.sub(r"```text\n.*?```\n", lambda _: block, found[0], flags=re.DOTALL)
+        page = f"{page[: found.start()]}{section}{page[found.end() :]}"
+        PAGE.write_text(page, encoding="utf-8")
         print(f"{script.name}: {len(printed.splitlines())} lines")
-    PAGE.write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":

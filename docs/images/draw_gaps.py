@@ -20,6 +20,7 @@ from leastaction import (
     tz,
 )
 from leastaction.optimal import IterationRecord
+from leastaction.viz import BLUE, VERMILION, new_figure, save_png, styled
 
 N = 30
 mechanism = Mechanism(
@@ -34,15 +35,26 @@ cost = QuadraticCost(wanted, np.zeros((N, 1)), Q=[0.1, 0.1, 0.0, 0.0], R=[1e-3],
 records: list[IterationRecord] = []
 optimize(system, cost, initial=(x, u), shooting="multiple", callback=records.append)
 
-figure = Figure(figsize=(11.0, 3.2), layout="constrained")
-axes = figure.subplots(1, 3, sharey=True)
-for axis, record in zip(axes, (records[0], records[2], records[-1]), strict=True):
-    ends = system.step_each(record.x, record.u).x
-    for k in range(N):
-        axis.plot(system.t[k : k + 2], [record.x[k, 1], ends[k, 1]], color="C0", linewidth=1.5)
-        axis.plot([system.t[k + 1]] * 2, [ends[k, 1], record.x[k + 1, 1]], color="C3", linewidth=1.5)
-    axis.plot(system.t, record.x[:, 1], ".", color="black", markersize=4)
-    axis.set_title("the start" if record.iteration == 0 else f"after {record.iteration} iterations")
-    axis.set_xlabel("time (s)")
-axes[0].set_ylabel("angle of the pole (rad)")
-figure.savefig(Path(__file__).with_name("gaps.png"), dpi=110.0)
+
+
+@styled
+def draw() -> Figure:
+    """Return the curve at the start, on the way and at the end, each with what its steps lead to."""
+    figure = new_figure(8.0, 2.9)
+    axes = figure.subplots(1, 3, sharey=True)
+    for axis, record in zip(axes, (records[0], records[2], records[-1]), strict=True):
+        ends = system.step_each(record.x, record.u).x
+        for k in range(N):
+            axis.plot(system.t[k : k + 2], [record.x[k, 1], ends[k, 1]], color=BLUE, linewidth=1.5)
+            axis.plot([system.t[k + 1]] * 2, [ends[k, 1], record.x[k + 1, 1]], color=VERMILION, linewidth=1.5)
+        axis.plot(system.t, record.x[:, 1], ".", color="black", markersize=4, label="states")
+        axis.plot([], color=BLUE, label="steps from them")
+        axis.plot([], color=VERMILION, label="gaps")
+        axis.set(title="the start" if record.iteration == 0 else f"after {record.iteration} iterations")
+        axis.set_xlabel("time (s)")
+    axes[0].set_ylabel("angle of the pole (rad)")
+    axes[0].legend()
+    return figure
+
+
+save_png(draw(), Path(__file__).with_name("gaps.png"), dpi=110.0)

@@ -34,8 +34,11 @@ def main(folder: Path) -> TrackingRun:
     run = track(marionette(strings=9, axes="quaternion"), acrobat(), progress=print)
     print(f"{run.result.status.name}, {run.effort}, held joints off by {run.held_error:.2f} degrees")
     print(f"strings pull with {run.tension.min():.2f} to {run.tension.max():.0f} N")
-    times = (0.0, 0.7, 1.2, 1.9, 2.5, 2.8, 3.1, 4.0)
-    save_png(plot_snapshots(marionette_scene(run), times=times, azimuth=75.0, elevation=6.0), folder / "overhead.png")
+    rows = [
+        plot_snapshots(marionette_scene(run), times=times, azimuth=75.0, elevation=6.0)
+        for times in ((0.0, 0.7, 1.2, 1.9), (2.5, 2.8, 3.1, 4.0))
+    ]
+    save_png(rows, folder / "overhead.png", dpi=110)
     return run
 
 

@@ -51,11 +51,11 @@ def plot_bars(run: TrackingRun) -> Figure:
         cos, sin = np.cos(pelvis[:, 2]), np.sin(pelvis[:, 2])
         x, y = apart[0] - pelvis[:, 0], apart[1] - pelvis[:, 1]
         lines = {"x": cos * x + sin * y, "y": cos * y - sin * x, "z": apart[2]}
-        _draw(places, t, {_AXES[axis]: line for axis, line in lines.items()}, {"C2": limits.lift})
+        _draw(places, t, {_AXES[axis]: line for axis, line in lines.items()}, {2: limits.lift})
         places.set(ylabel=f"{bar.name}: off by (m)")
         angles = {axis: run.trajectory[name] for axis, name in zip(bar.turns, bar.angles, strict=True)}
         angles["z"] = angles["z"] - pelvis[:, 2]
-        most = {f"C{i}": np.rad2deg(limits.turn if axis == "z" else limits.tilt) for i, axis in enumerate(angles)}
+        most = {i: np.rad2deg(limits.turn if axis == "z" else limits.tilt) for i, axis in enumerate(angles)}
         _draw(turns, t, {_TURNS[axis]: np.rad2deg(line) for axis, line in angles.items()}, most)
         turns.set(ylabel=f"{bar.name}: turned by (degrees)")
     for axes in panels[-1]:
@@ -63,14 +63,14 @@ def plot_bars(run: TrackingRun) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, t: Array, lines: dict[str, Array], limits: dict[str, float]) -> None:
-    """Draw lines by their names, and limits on both sides by the lines' colours where they are nearly reached."""
+def _draw(axes: Axes, t: Array, lines: dict[str, Array], limits: dict[int, float]) -> None:
+    """Draw lines by their names, and limits on both sides by the lines' numbers where they are nearly reached."""
     for i, (name, line) in enumerate(lines.items()):
-        axes.plot(t, line, color=f"C{i}", linewidth=1.2, label=name)
-        most = limits.get(f"C{i}", np.inf)
+        (drawn,) = axes.plot(t, line, linewidth=1.2, label=name)
+        most = limits.get(i, np.inf)
         for side in (-most, most):
             if np.isfinite(side) and np.max(np.sign(side) * line) > 0.8 * most:
-                axes.axhline(side, color=f"C{i}", linewidth=0.8, linestyle="--")
+                axes.axhline(side, color=drawn.get_color(), linewidth=0.8, linestyle="--")
     axes.axhline(0.0, color=GREY, linewidth=0.6)
     axes.margins(x=0.0)
     axes.legend(frameon=False, fontsize=8, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0))

@@ -65,8 +65,8 @@ def plot_markers(t: Array, apart: Array) -> Figure:
     over_time, bars = figure.subplots(1, 2, width_ratios=(2.0, 1.0))
     names = [name.replace("_", " ") for name in MARKERS]
     for i, name in enumerate(names):
-        over_time.plot(t, 1e3 * apart[:, i], color=f"C{i}", linewidth=1.2, label=name)
-        bars.barh(i, 1e3 * np.sqrt(np.mean(apart[:, i] ** 2)), 0.6, color=f"C{i}")
+        (line,) = over_time.plot(t, 1e3 * apart[:, i], linewidth=1.2, label=name)
+        bars.barh(i, 1e3 * np.sqrt(np.mean(apart[:, i] ** 2)), 0.6, color=line.get_color())
     over_time.set(xlabel="time (s)", ylabel="off by (mm)", ylim=(0.0, None), xlim=(t[0], t[-1]))
     over_time.legend(frameon=False, fontsize=8, ncols=3, loc="upper left", bbox_to_anchor=(0.0, 1.2))
     bars.set_yticks(range(len(names)), names, fontsize=8)

@@ -23,6 +23,7 @@ from leastaction.mechanics import (
     Gravity,
     JointForce,
     JointSpring,
+    LinearSpring,
     Mechanism,
     MidpointVI,
     NonlinearDamping,
@@ -264,3 +265,29 @@ def test_numbers_may_be_given_by_name_wherever_one_row_is_taken() -> None:
         vi.start(q, {"base.w": 1.0})
     with pytest.raises(la.LeastActionError, match=r"q: the value of 'hip': got None"):
         vi.start({"hip": None})  # type: ignore[dict-item]
+
+
+def test_a_velocity_of_a_joint_goes_by_its_name() -> None:
+    m = Mechanism([free("hull", mass=1.0, inertia=(1.0, 2.0, 2.5))], [])
+    vi, q = MidpointVI(m), m.configuration()
+    apart = {"hull.x": 2.0, "hull.wx": 1.0, "hull.wy": 2.0, "hull.wz": 3.0}
+    together = {"hull.x": 2.0, "hull": [1.0, 2.0, 3.0]}
+    assert (m.velocity(together) == m.velocity(apart)).all()
+    assert (vi.start(q, together).p == vi.start(q, apart).p).all()
+    assert m.energy(q, together) == m.energy(q, apart)
+    with pytest.raises(ArgumentError, match=r"'hull': got shape \(2,\), expected \(3,\), that is an angular velocity"):
+        m.velocity({"hull": [1.0, 2.0]})
+
+
+def test_frames_within_a_rotation_are_told_to_nobody() -> None:
+    m = Mechanism([ball("hip", name="leg", mass=1.0, inertia=(1.0, 2.0, 2.5))], [])
+    assert m.frames == ("world", "leg")
+    assert m.positions(m.configuration()).shape == (2, 3)
+    with pytest.raises(ArgumentError, match=r"the frames are 'world', 'leg'$"):
+        m.frame_pose(m.configuration(), "quite another")
+    with pytest.raises(DescriptionError, match=r"the frames are 'world', 'leg'$"):
+        m.with_elements([LinearSpring("quite another", "leg", 1.0)])
+    with pytest.raises(DescriptionError, match=r"massless joint 'hip': by 'hip.wx' it turns what hangs on it"):
+        Mechanism([ball("hip", name="leg", mass=1.0)], [])
+    with pytest.raises(DescriptionError, match=r"massless joint 'hip': .* where nothing has a mass"):
+        Mechanism([ball("hip", name="leg")], [])

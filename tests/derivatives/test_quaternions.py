@@ -34,6 +34,7 @@ from leastaction.mechanics import (
     tz,
 )
 from leastaction.numerics.arrays import Array
+from leastaction.systems import MidpointSystem
 
 RELATIVE = 1e-11
 DT = 0.07
@@ -48,7 +49,7 @@ def top_on_cart() -> Mechanism:
 def equations_in_jax(x: np.ndarray, u: np.ndarray, phi: np.ndarray, x_next: np.ndarray) -> Any:
     """Return the equations of a step of that top and its next momenta, written anew in JAX.
 
-    They are functions of ``[dx; du]`` and of the change of the next configuration, in the charts of both states.
+    They are functions of ``[dx; du; ddt]`` and of the change of the next configuration, in the charts of both states.
     """
     jax = pytest.importorskip("jax")
     jnp = jax.numpy
@@ -85,32 +86,33 @@ def equations_in_jax(x: np.ndarray, u: np.ndarray, phi: np.ndarray, x_next: np.n
         kinetic = 0.5 * 1.2 * velocity @ velocity + 0.5 * w @ inertia @ w + 0.5 * 2.0 * speed**2
         return kinetic - 1.2 * g * (R @ com)[2]
 
-    def Ld(q1: Any, start: Any, q2: Any, end: Any) -> Any:
+    def Ld(q1: Any, start: Any, q2: Any, end: Any, dt: Any) -> Any:
         turn = logarithm(start.T @ end)
-        return DT * energy(start @ exponential(turn / 2.0), (q2 - q1) / DT, turn / DT)
+        return dt * energy(start @ exponential(turn / 2.0), (q2 - q1) / dt, turn / dt)
 
-    def work(a: Any, b: Any, start: Any, end: Any, u: Any) -> Any:
+    def work(a: Any, b: Any, start: Any, end: Any, u: Any, dt: Any) -> Any:
         """Of the torque at the middle, by how turns of the ends turn the middle: its derivatives at zero are meant."""
         R = start @ exponential(logarithm(start.T @ end) / 2.0)
         moved, reached = start @ near_zero(a), end @ near_zero(b)
         middle = moved @ exponential(logarithm(moved.T @ reached) / 2.0)
-        return DT * jnp.array([u[0], 0.2, u[1]]) @ small_turn(R.T @ middle)
+        return dt * jnp.array([u[0], 0.2, u[1]]) @ small_turn(R.T @ middle)
 
-    def rows(q1: Any, start: Any, q2: Any, end: Any, u: Any) -> tuple[Any, Any]:
+    def rows(q1: Any, start: Any, q2: Any, end: Any, u: Any, dt: Any) -> tuple[Any, Any]:
         zero = jnp.zeros(3)
 
         def moved(s: Any, a: Any, t: Any, b: Any) -> Any:
-            return Ld(q1 + s, start @ near_zero(a), q2 + t, end @ near_zero(b))
+            return Ld(q1 + s, start @ near_zero(a), q2 + t, end @ near_zero(b), dt)
 
         s, a, t, b = jax.grad(moved, argnums=(0, 1, 2, 3))(0.0, zero, 0.0, zero)
-        by_start, by_end = jax.grad(work, argnums=(0, 1))(zero, zero, start, end, u)
+        by_start, by_end = jax.grad(work, argnums=(0, 1))(zero, zero, start, end, u, dt)
         a, b = a + by_start, b + by_end
         return jnp.concatenate([s[None], a]), jnp.concatenate([t[None], b])
 
     def equations(w: Any) -> tuple[Any, Any]:
-        th, y = w[:10], w[10:]
+        th, y = w[:11], w[11:]
         q1, start = x[0] + th[0], R1 @ near_zero(th[1:4])
-        before, after = rows(q1, start, x_next[0] + y[0], R2 @ near_zero(y[1:]), jnp.asarray(u) + th[8:])
+        end = R2 @ near_zero(y[1:])
+        before, after = rows(q1, start, x_next[0] + y[0], end, jnp.asarray(u) + th[8:10], DT + th[10])
         return jnp.asarray(x[5:]) + th[4:8] + before, after
 
     return equations
@@ -130,18 +132,20 @@ def test_first_and_second_derivatives_are_those_of_jax() -> None:
     z = np.array([0.7, 1.0, -2.0, 0.5, -0.3, 0.9, 0.4, -1.1])
     with jax.enable_x64(True):
         equations = equations_in_jax(run.x[0], u, phi, run.x[1])
-        zero = jax.numpy.zeros(14)
+        zero = jax.numpy.zeros(15)
         F, G = (np.asarray(each) for each in equations(zero))
         F_w, G_w = (np.asarray(each) for each in jax.jacfwd(equations)(zero))
-        mu = -np.linalg.solve(F_w[:, 10:].T, z[:4] + G_w[:, 10:].T @ z[4:])
+        mu = -np.linalg.solve(F_w[:, 11:].T, z[:4] + G_w[:, 11:].T @ z[4:])
         bent = jax.jacfwd(jax.jacfwd(lambda w: mu @ equations(w)[0] + z[4:] @ equations(w)[1]))(zero)
     assert np.abs(F).max() < 1e-13
     assert np.abs(G - run.x[1, 5:]).max() < 1e-13
-    by_theta = np.vstack([np.eye(10), -np.linalg.solve(F_w[:, 10:], F_w[:, :10])])
-    first = np.vstack([by_theta[10:], G_w @ by_theta])
+    by_theta = np.vstack([np.eye(11), -np.linalg.solve(F_w[:, 11:], F_w[:, :11])])
+    first = np.vstack([by_theta[11:], G_w @ by_theta])
     second = by_theta.T @ np.asarray(bent) @ by_theta
-    assert np.abs(np.hstack([d.A[0], d.B[0]]) - first).max() < RELATIVE * np.abs(first).max()
-    assert np.abs(d.curvature(z[None])[0] - second).max() < RELATIVE * np.abs(second).max()
+    assert np.abs(np.hstack([d.A[0], d.B[0]]) - first[:, :10]).max() < RELATIVE * np.abs(first).max()
+    assert np.abs(d.curvature(z[None])[0] - second[:10, :10]).max() < RELATIVE * np.abs(second[:10, :10]).max()
+    by_length = MidpointSystem(vi, run.t).curvature_by_final_time(run.x, run.u, z[None])
+    assert np.abs(by_length[0] - second).max() < RELATIVE * np.abs(second).max()
 
 
 def tumbling(*elements: Element) -> Mechanism:

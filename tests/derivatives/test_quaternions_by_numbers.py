@@ -1,15 +1,17 @@
-"""Exact second derivatives of steps by numbers of elements, where rotations are quaternions: against differences."""
+"""Exact second derivatives of steps by numbers and the final time beside quaternions: against differences."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from derivatives.differences import extrapolated
 from derivatives.test_prescribed_rotations import CASES, carried
 from derivatives.test_quaternions import AT_JOINTS, FORCES, ROD, WRENCH, tumbling, turned
 from leastaction.mechanics import JointSpring, Mechanism, MidpointVI, project_velocity
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.discrete.system import derivatives_by
+from leastaction.optimal.system import FINAL_TIME
 from leastaction.systems import MidpointSystem
 
 
@@ -60,3 +62,35 @@ def test_they_are_those_of_differences(case) -> None:
         wanted = (8.0 * (slopes(at + h) - slopes(at - h)) - slopes(at + 2 * h) + slopes(at - 2 * h)) / (12.0 * h[j])
         # As good as differences of four places are.
         assert np.abs(found[0, j] - wanted).max() < 1e-7 * max(0.1, np.abs(wanted).max()), name
+
+
+@pytest.mark.parametrize("multipliers", [False, True])
+@pytest.mark.parametrize("at_instants", [False, True])
+@pytest.mark.parametrize("case", [floating, on_a_bar])
+def test_by_the_final_time_they_are_those_of_differences(case, at_instants: bool, multipliers: bool) -> None:
+    rng = np.random.default_rng(7)
+    m, q = case(rng)
+    v = project_velocity(m, q, rng.standard_normal(m.nv), hold=list(m.kinematic)).v
+    vi = MidpointVI(m, tolerance=1e-15, at_instants=m.inputs if at_instants else ())
+    system = MidpointSystem(vi, [0.0, 0.06], multipliers=multipliers)
+    u = 0.2 * rng.standard_normal((1, system.nu))
+    x = np.zeros(system.nx)
+    x[: m.nx] = vi.start(q, v).x
+    x = np.array([x, system.f(x, u[0], 0)])
+    z = rng.standard_normal((1, system.ndx))
+    found = system.curvature_by_final_time(x, u, z)[0]
+    np.testing.assert_allclose(found[:-1, :-1], system.curvature(x[0], u[0], 0, z[0]), atol=1e-11)
+
+    def slopes(end: float) -> Array:
+        """Return ``z . D f`` of a step of another length, in the chart about where the step itself led."""
+        other = system.with_parameters({FINAL_TIME: end})
+        ends = other.step_each(x, u).x
+        near = other.linearize_each(x, u, ends)
+        by = derivatives_by(other, np.concatenate([x[:1], ends]), u, [FINAL_TIME])
+        read = z[0] @ system.space.difference_derivative(ends, x[1:])[0]
+        return np.concatenate([read @ near.A[0], read @ near.B[0], read @ by[0]])
+
+    wanted = extrapolated(slopes, 0.06, 0.005)
+    assert np.abs(wanted).max() > 1.0
+    np.testing.assert_allclose(found[-1], wanted, atol=1e-9 * np.abs(wanted).max())
+    np.testing.assert_array_equal(found[-1], found[:, -1])

@@ -7,6 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from examples.printed import assert_printed
+from leastaction import _core
+from leastaction.apps.cli import main
+
 ROOT = Path(__file__).parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
 CODE = [
@@ -31,6 +35,21 @@ def test_the_code_runs(page: Path, block: str, tmp_path: Path, monkeypatch: pyte
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.chdir(tmp_path)  # where it may write
     exec(compile(block, page.name, "exec"), {})
+
+
+def test_the_commands_print_what_the_page_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)
+    page = (ROOT / "docs" / "command_line.md").read_text("utf-8")
+    shown = re.findall(r"```sh\nleastaction ([^\n]*)\n```\n\n```\n(.*?)```", page, re.DOTALL)
+    assert len(shown) == 5
+    for words, printed in shown:
+        with pytest.raises(SystemExit) as ended:
+            main(words.split())
+        assert ended.value.code == 0
+        assert_printed(printed.replace("core v4", f"core {_core.variant}"), capsys.readouterr().out)
 
 
 @pytest.mark.parametrize("page", DOCS, ids=lambda page: page.stem)

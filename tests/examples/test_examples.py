@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from examples.printed import assert_printed
 from marionette.motions import captured
 from marionette.puppet_bvh import write_puppet
 
@@ -98,6 +99,11 @@ def test_it_runs_from_the_command_line(script: str, tmp_path: Path) -> None:
     assert run.returncode == 0, run.stderr
     assert 3 <= len(run.stdout.splitlines()) <= 20
     assert re.search(LEARNED.get(script, ""), run.stdout)
+    page = (REPOSITORY / "docs" / "gallery.md").read_text(encoding="utf-8")
+    section = re.search(rf"^## {int(script[:2])} .*?(?=\n## )", page, re.MULTILINE | re.DOTALL)
+    assert section is not None
+    for shown in re.findall(r"```text\n(.*?)```", section[0], re.DOTALL):
+        assert_printed(shown, run.stdout)
     assert {path.name for path in output.iterdir()} - {f"{script}.html"} == {f"{script}.png"}  # some write a page too
     picture = imread(output / f"{script}.png")
     assert picture.shape[0] > 500

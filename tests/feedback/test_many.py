@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -153,9 +154,46 @@ def test_one_that_fails_says_so_and_stops_nobody():
     assert np.isfinite(np.delete(many.x, 3, axis=0)).all()
 
 
+@pytest.mark.parametrize("masses", [1.0, np.linspace(0.5, 2.0, 100)])
+def test_ctrl_c_keeps_the_motions_that_are_made(monkeypatch, masses):
+    vi, starts = MidpointVI(cart_pendulum()), np.tile([0.0, 0.5, 0.0, 0.0], (100, 1))
+    whole = simulate_many(vi, starts, T, parameters={"bob.mass": masses}, threads=1)
+    before = 2
+
+    def interrupts() -> float:
+        nonlocal before
+        before -= 1
+        if before < 0:
+            raise KeyboardInterrupt
+        return 0.0
+
+    class Interrupted(ThreadPoolExecutor):
+        def map(self, function, groups):
+            for group in groups:
+                interrupts()
+                yield function(group)
+
+    monkeypatch.setattr("leastaction.control.many.perf_counter", interrupts)
+    monkeypatch.setattr("leastaction.control.many.ThreadPoolExecutor", Interrupted)
+    some = simulate_many(vi, starts, T, parameters={"bob.mass": masses}, threads=1)
+    made = len(starts) - len(some.failures)
+    assert some.interrupted
+    assert not whole.interrupted
+    assert 0 < made < 100
+    np.testing.assert_array_equal(some.x[:made], whole.x[:made])
+    assert np.isnan(some.x[made:]).all()
+    assert (some.steps == [50] * made + [0] * (100 - made)).all()
+    assert some.failures[made] == "not made: interrupted"
+    assert "ended early" in str(some)
+    with pytest.raises(KeyboardInterrupt):  # before there is anything
+        simulate_many(vi, starts, T, parameters={"bob.mass": masses}, threads=1)
+
+
 def test_sizes_that_disagree_and_names_that_nobody_has():
+    with pytest.raises(ArgumentError, match="x0: got no instance, expected one at least"):
+        simulate_many(MidpointVI(cart_pendulum()), np.zeros((0, 4)), T)
     vi = MidpointVI(cart_pendulum())
-    with pytest.raises(ArgumentError, match="inputs: got 3 instances, expected 5 or one for all"):
+    with pytest.raises(ArgumentError, match="inputs: got 3 instances, expected one for all, or 5 as of x0"):
         simulate_many(vi, np.zeros((5, 4)), T, np.zeros((3, 50, 1)))
     with pytest.raises(ArgumentError, match=r"unknown parameter 'bob\.mas'; did you mean 'bob\.mass'"):
         simulate_many(vi, np.zeros(4), T, parameters={"bob.mas": [1.0]})

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from leastaction import _core
+from leastaction.errors import CoarseStepWarning
 from leastaction.mechanics import (
     BodyWrench,
     Distance,
@@ -20,7 +21,7 @@ from leastaction.mechanics import (
     tx,
     ty,
 )
-from leastaction.optimal import Bound, QuadraticCost, Status, check_derivatives, optimize
+from leastaction.optimal import Bound, FinalTime, QuadraticCost, Status, check_derivatives, optimize
 from leastaction.optimal.quantity import Samples
 from leastaction.systems import MidpointSystem, embed, follow, relax, tracking, warm_start
 
@@ -71,6 +72,43 @@ def test_a_satellite_turns_by_any_angle(angle: float) -> None:
     for k in newton:
         if k - 1 in newton:
             assert decreases[k] < decreases[k - 1] ** 2 + 1e-17
+
+
+def test_newton_is_quadratic_where_the_final_time_is_free() -> None:
+    system = satellite()
+    cost, x0 = to_attitude(system, 3.0)
+    found = optimize(
+        system, cost, initial=(x0, np.zeros((N, 3))), unknowns=[FinalTime(price=0.5)], method="newton",
+        tolerance=1e-24, absolute_tolerance=0.0,
+    )  # fmt: skip
+    assert 2.9 < found.t[-1] < 3.2
+    decreases = np.array(found.history.expected_decrease[-4:])
+    assert set(found.history.method[-4:]) == {"newton"}
+    assert np.all(decreases[1:] < decreases[:-1] ** 1.6)
+    assert decreases[-1] < 1e-18
+
+
+def test_a_search_backs_off_where_a_step_turns_by_more_than_a_full_turn() -> None:
+    """No chart goes past it: such a step is refused as too coarse, so that no search goes on from where it led."""
+    hull = ball("hull", mass=1.0, inertia=(1.0, 1.3, 0.7))
+    m = Mechanism([hull], [BodyWrench("hull", torque=tuple("abc"))])
+    system = MidpointSystem(MidpointVI(m), np.linspace(0.0, 2.0, 21))
+    axis = np.array([0.35, 0.82, 0.33]) / np.linalg.norm([0.35, 0.82, 0.33])
+    start = system.integrator.start(m.configuration(), 45.0 * axis)
+    weights, still = np.full(6, 100.0), np.eye(system.nx)[0]
+    cost = QuadraticCost(
+        np.tile(still, (21, 1)), np.zeros((20, 3)), Q=np.r_[np.zeros(3), np.full(3, 0.01)], R=[0.01] * 3,
+        Q_final=weights, space=system,
+    )  # fmt: skip
+    with pytest.warns(CoarseStepWarning):
+        found = optimize(system, cost, initial=(start.x, np.zeros((20, 3))), shooting="single")
+    assert found.status is Status.CONVERGED, found.message
+    for along in (axis, np.eye(3)[2]):
+        for speed, completed in ((45.0, True), (80.0, False)):
+            x0 = system.integrator.start(m.configuration(), speed * along).x
+            run = system.rollout(x0, found.x, found.u, np.zeros((20, 3, 6)), 0, 1)
+            assert (run.failure is None) == completed
+            assert completed or "the time step is too coarse" in run.failure
 
 
 def test_derivatives_of_the_system_and_windows() -> None:
@@ -203,7 +241,7 @@ def test_places_of_frames_are_followed() -> None:
     assert found.errors["tip"] < 0.02
 
 
-def test_a_curve_whose_step_turns_past_half_a_turn_is_left_where_it_has_no_derivatives():
+def test_a_curve_is_left_where_a_step_turns_past_a_full_turn():
     top = ball("top", mass=1.0, com=(0.0, 0.0, -0.15), inertia=(8e-3, 8e-3, 1e-3))
     m = Mechanism([top], [Gravity(), *[JointForce(f"top.w{a}", a) for a in "xyz"]])
     system = MidpointSystem(MidpointVI(m), np.linspace(0.0, 0.2, 11))
@@ -217,7 +255,7 @@ def test_a_curve_whose_step_turns_past_half_a_turn_is_left_where_it_has_no_deriv
     x[5, 4:] = 0.35, 0.82, 0.33
     made = system.step_each(x, u)
     assert made.steps_done == len(made.x) == 5
-    assert made.failure == "step 5 at t = 0.1 s turns by more than half a turn and has no derivatives"
+    assert made.failure.startswith("step 5 at t = 0.1 s could not be solved, the time step is too coarse")
     cost = QuadraticCost(rest, np.zeros(3), Q=np.full(6, 0.1), R=np.ones(3), Q_final=np.ones(6), space=system)
     found = optimize(system, cost, initial=(x, u), shooting="multiple")
     assert found.status is Status.CONVERGED

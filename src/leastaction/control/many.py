@@ -8,9 +8,10 @@ are the same to the last bit whatever runs beside it, in any order, on any numbe
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,12 @@ from leastaction.mechanics.discrete.prescribed import held
 from leastaction.numerics.arrays import Array, as_array, as_count, as_times, read_only, require_instance
 from leastaction.numerics.public import public
 from leastaction.systems.midpoint import MidpointSystem
+
+_BLOCK = 32
+"""Instances of a thread between two looks for Ctrl-C, at least: four registers of the widest."""
+
+_PATIENCE = 0.3
+"""Time (s) after which Ctrl-C is looked for: what a person does not notice."""
 
 
 @public
@@ -46,6 +53,8 @@ class ManyRuns:
     failures : mapping of int to str
         Which instances failed, and why.
     integrator : MidpointVI
+    interrupted : bool
+        Whether Ctrl-C ended it; those that were not made by then are among the failures.
     """
 
     t: Array
@@ -55,6 +64,7 @@ class ManyRuns:
     steps: np.ndarray[tuple[int], np.dtype[np.int64]]
     failures: Mapping[int, str]
     integrator: MidpointVI
+    interrupted: bool = False
 
     @property
     def complete(self) -> bool:
@@ -105,7 +115,7 @@ def simulate_many(
     Returns
     -------
     ManyRuns
-        One that fails says so and stops nobody.
+        One that fails says so and stops nobody. Ctrl-C keeps those that are made.
 
     Raises
     ------
@@ -141,9 +151,12 @@ def simulate_many(
         **{f"parameters[{name!r}]": len(each) for name, each in values.items()},
     }
     B = max(counts.values())
+    if not all(counts.values()):
+        raise ArgumentError(f"{min(counts, key=lambda what: counts[what])}: got no instance, expected one at least")
     for what, count in counts.items():
         if count not in (1, B):
-            raise ArgumentError(f"{what}: got {count} instances, expected {B} or one for all")
+            of = next(other for other, number in counts.items() if number == B)
+            raise ArgumentError(f"{what}: got {count} instances, expected one for all, or {B} as of {of}")
     threads = as_count(threads, "threads", 0) or os.cpu_count() or 1
     starts = np.ascontiguousarray(np.broadcast_to(starts, (B, nx)))
     if given is None:
@@ -152,28 +165,56 @@ def simulate_many(
         given = np.broadcast_to(resting, (B, N, nu))
     u = np.ascontiguousarray(np.broadcast_to(given, (B, N, nu)))
     groups = _groups(integrator, values, B)
-    if len(groups) == 1:
-        found = groups[0][0].roll_out_many(times, starts, u, threads)
-        x, lam, steps, status = found.x, found.lam, np.array(found.steps, dtype=np.int64), found.status
-    else:
-        x, lam = np.empty((B, N + 1, nx)), np.empty((B, N, m.nc))
-        steps, status = np.empty(B, dtype=np.int64), [None] * B
+    x, lam = np.empty((B, N + 1, nx)), np.empty((B, N, m.nc))
+    steps, status = np.zeros(B, dtype=np.int64), np.full(B, None)
 
-        def run(group: tuple[Any, list[int]]) -> None:
-            core, members = group
-            found = core.roll_out_many(times, starts[members], u[members], 1)
-            x[members], lam[members], steps[members] = found.x, found.lam, found.steps
-            for i, each in zip(members, found.status, strict=True):
-                status[i] = each
+    def run(core: Any, members: slice | list[int], threads: int) -> None:
+        found = core.roll_out_many(times, starts[members], u[members], threads)
+        x[members], lam[members], steps[members] = found.x, found.lam, found.steps
+        status[members] = found.status
 
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(run, groups))
+    interrupted = _in_blocks(run, groups, threads)
+    if interrupted:
+        left = np.array([each is None for each in status])
+        if left.all():
+            raise KeyboardInterrupt
+        x[left], lam[left], steps[left] = np.nan, np.nan, 0
     failures = {
-        i: f"step {done} at t = {times[done]:.6g} s could not be solved: {status[i].name}"
-        for i, done in enumerate(steps.tolist())
-        if done < N
+        i: f"step {done} at t = {times[done]:.6g} s could not be solved: {said.name}"
+        if said is not None
+        else "not made: interrupted"
+        for i, (done, said) in enumerate(zip(steps.tolist(), status, strict=True))
+        if done < N or said is None
     }
-    return ManyRuns(times, read_only(x), read_only(u), read_only(lam), steps, failures, integrator)
+    return ManyRuns(times, read_only(x), read_only(u), read_only(lam), steps, failures, integrator, interrupted)
+
+
+def _in_blocks(
+    run: Callable[[Any, slice | list[int], int], None], groups: list[tuple[Any, list[int]]], threads: int
+) -> bool:
+    """Run the instances of all groups, block by block on as many threads; return whether Ctrl-C ended it between two.
+
+    Instances of one group go in blocks that take as long as one is willing to wait; groups are what else there is.
+    """
+    if len(groups) > 1:
+        with ThreadPoolExecutor(threads) as pool:
+            try:
+                list(pool.map(lambda group: run(group[0], group[1], 1), groups))
+            except KeyboardInterrupt:
+                pool.shutdown(cancel_futures=True)
+                return True
+        return False
+    ((core, members),) = groups
+    first, size = 0, _BLOCK * threads
+    try:
+        while first < len(members):
+            began = perf_counter()
+            run(core, slice(first, first + size), threads)
+            first += size
+            size = max(_BLOCK * threads, int(size * min(8.0, _PATIENCE / max(perf_counter() - began, 1e-6))))
+    except KeyboardInterrupt:
+        return True
+    return False
 
 
 @public

@@ -78,14 +78,8 @@ class Readings:
             function = self._function
             return np.asarray(central_differences(lambda state: np.asarray(function(state)), x))
         assert self._quantity is not None
-        found = self._quantity.jacobian(self._at(x, k))[0]
         n = self.nx if self.space is None or self._quantity.by_entries else self.space.ndx
-        columns = self._quantity.columns(n, 0)
-        if columns is None:
-            return np.asarray(found)
-        whole = np.zeros((self.ny, n))
-        whole[:, columns] = found
-        return whole
+        return np.asarray(self._quantity.whole_jacobian(self._at(x, k), n, 0)[0])
 
     def _at(self, x: Array, k: int) -> Samples:
         nothing = np.empty((1, 0))
@@ -109,7 +103,7 @@ def _chosen(system: System, measure: Any) -> tuple[tuple[str, ...], Array]:
         for name in given:
             found = matching(names, name)
             if not found:
-                raise unknown("entry of the state", name, names, "measure")
+                raise unknown("state", name, names, "measure")
             places += found
         return tuple(names[i] for i in places), np.eye(system.nx)[places]
     C = as_array(measure, "measure", (None, system.nx), meaning="(ny, nx); or give names of entries of the state")

@@ -2,22 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from leastaction._names import by_stub
 
-from leastaction._names import lazily
-
-if TYPE_CHECKING:
-    from leastaction.identification.experiment import Experiment
-    from leastaction.identification.least_squares import identify
-    from leastaction.identification.result import Identification
-else:
-    __getattr__, __dir__ = lazily(
-        __name__,
-        {
-            "leastaction.identification.experiment": "Experiment",
-            "leastaction.identification.least_squares": "identify",
-            "leastaction.identification.result": "Identification",
-        },
-    )
-
-__all__ = ["Experiment", "Identification", "identify"]
+__getattr__, __dir__, __all__ = by_stub(__name__)

@@ -121,7 +121,7 @@ def channels(experiment: Experiment, m: Mechanism) -> list[Channel]:
             kind, shape = "frame", (N + 1, 3)
         else:
             plain = [each for each in m.variables if each in m.coordinates]
-            known = [*plain, *(_RATE + each for each in m.variables), *m.tree.index, *turns]
+            known = [*plain, *(_RATE + each for each in m.variables), *m.frames, *turns]
             raise unknown("variable or frame", name, known, "measured")
         values = as_wanted(given, f"measured[{name!r}]", shape)
         if np.isnan(values).all():

@@ -134,14 +134,9 @@ class OwnQuantity(QuantityElsewhere):
         super().__init__(whole)
         self.nx, self.ndx, self.nu = sizes
 
-    def instants(self, k: Instants) -> Instants:
-        return k
-
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002 - of the system that remembers
         n, more = self.ndx, nx - self.ndx
-        own = self.whole.columns(n, self.nu)
-        if own is None:
-            own = np.arange(n if self.of_state else 2 * n + self.nu if self.looks_ahead else n + self.nu)
+        own = self.whole.all_columns(n, self.nu)
         # Inputs stand behind what is remembered, next states behind both.
         return np.asarray(own + more * (own >= n))
 

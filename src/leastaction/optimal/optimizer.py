@@ -26,7 +26,6 @@ from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import ContinuousOptimizationResult
 from leastaction.optimal.cost import check_space
 from leastaction.optimal.discrete.cost import Cost
-from leastaction.optimal.discrete.own_projection import own_projection
 from leastaction.optimal.discrete.system import DiscreteSystem, given_start
 from leastaction.optimal.iterates.curve import Gapped
 from leastaction.optimal.limits.limit import Limit, checked_limits
@@ -114,8 +113,8 @@ class Optimizer:
         self.ways = [way for way in WAYS if way.name not in self.options.without]
         self.result: OptimizationResult | None = None
         self._pool = Pool()
-        self._extension: Extension | None = None
-        self._remembered: Remembered | None = None
+        # From the system's own states to those of the problem, one after the other, and back again.
+        self._around: list[Remembered | Extension | ContinuousExtension] = []
         self._is_discrete = isinstance(system, DiscreteSystem)
         self._problem = self._discrete() if self._is_discrete else self._continuous()
 
@@ -163,35 +162,25 @@ class Optimizer:
             raise ArgumentError(f"initial, resume: got {got}, expected one of them.")
         if callback is not None and not callable(callback):
             raise ArgumentError(f"callback: got {type(callback).__name__}, expected a function of an IterationRecord")
-        extension = self._extension
         if resume is not None:
             made = OptimizationResult if self._is_discrete else ContinuousOptimizationResult
             require_instance(resume, "resume", made, "optimize() returns one")
-        if self._is_discrete:
-            if initial is not None:
-                initial = self._checked(cast(DiscreteSystem, self.system), initial)
-            # There from the system's own states, and back again.
-            for way in (self._remembered, extension):
-                if way is not None:
-                    resume = None if resume is None else way.resume(resume)
-                    initial = None if initial is None else way.start(initial)
-                    callback = way.callback(callback)
-            if resume is not None:
-                _check_unknowns(resume, () if extension is None else extension.system.names)
-        else:
-            if isinstance(self._problem, ContinuousExtension):
-                callback = self._problem.callback(callback)
-            elif resume is not None:
-                _check_unknowns(resume, ())
-        with _HERE if self._is_discrete or not isinstance(self._problem, _ON_MESH) else one_thread():
+        if self._is_discrete and initial is not None:
+            initial = self._checked(cast(DiscreteSystem, self.system), initial)
+        for way in self._around:
+            callback = way.callback(callback)
+            if not isinstance(way, ContinuousExtension):  # which is the problem itself, and begins by itself
+                resume = None if resume is None else way.resume(resume)
+                initial = None if initial is None else way.start(initial)
+        if resume is not None and not isinstance(self._problem, ContinuousExtension):
+            _check_unknowns(resume, [each.name for each in self.unknowns])
+        with one_thread() if isinstance(self._problem, _ON_MESH) else _HERE:
             loop = Loop(self._begun(initial, resume), self.options, callback, resume, self.ways)
             if resume is not None and resume.state is not None and resume.state.run.resolved is not None:
                 resume_within(loop.progress, resume, resume.state)
             result = loop.run()
-        if not self._is_discrete and isinstance(self._problem, ContinuousExtension):
-            result = self._problem.result(result)
-        result = result if extension is None else extension.result(result)
-        result = result if self._remembered is None else self._remembered.result(result)
+        for way in reversed(self._around):
+            result = way.result(result)
         return self._doubted(result, warn=warn)
 
     def _checked(self, system: DiscreteSystem, initial: Any) -> OptimizationResult | tuple[Array, Array]:
@@ -302,19 +291,16 @@ class Optimizer:
         cost.check_shapes(system.N, system.nx, system.nu)
         check_space(cost, system)
         self.cost = cost
-        if self._extension is None and self._remembered is None and isinstance(self._problem, DiscreteProblem):
+        if not self._around and isinstance(self._problem, DiscreteProblem):
             self._problem.parts.replace_cost(cost)
         else:
             self._problem = self._discrete()
 
     def _discrete(self) -> DiscreteProblem:
         """Return the problem in steps of time, with limits or without, of the extended system where there is one."""
-        system, cost, settings, free = (
-            cast(DiscreteSystem, self.system),
-            cast(Cost, self.cost),
-            self.options,
-            self.free_start,
-        )
+        system, cost = cast(DiscreteSystem, self.system), cast(Cost, self.cost)
+        settings, free, limits, final_time = self.options, self.free_start, self.limits, None
+        self._around = []
         check_system(system, (DiscreteSystem,), ("N",))
         of_time = {"horizon": (self.horizon, None), "accuracy": (settings.accuracy, None)}
         for name, (value, usual) in {**of_time, "collocate": (settings.collocate, True)}.items():
@@ -326,25 +312,25 @@ class Optimizer:
         cost.check_shapes(system.N, system.nx, system.nu)
         cost = cost.over(system.N)
         check_space(cost, system)
-        final_time = None
         if isinstance(settings.projection, PiecewisePolynomial):
             raise ArgumentError("projection: got functions of time, expected gains (N, nu, nx) of a discrete system")
-        limits = self.limits
         needs = needed_by(limits, cost, system, 1 if free is False else 0)
         if needs:
-            self._remembered = remembered = Remembered(system, cost, limits, needs)
+            remembered = Remembered(system, cost, limits, needs)
+            self._around.append(remembered)
             system, cost, limits = remembered.system, remembered.cost, remembered.limits
             settings = remembered.settings(settings)
         if self.unknowns or any(isinstance(limit, Periodic) for limit in limits):
-            self._extension = extension = Extension(system, cost, self.unknowns, limits, free)
+            extension = Extension(system, cost, self.unknowns, limits, free)
+            self._around.append(extension)
             rows, free, final_time = extension.rows(), True, extension.system.final_time
             system, cost, settings = extension.system, extension.cost, extension.settings(settings)
+            gapped: Gapped = "where left"
         else:
             rows = [row for limit in limits for row in limit.rows(system, 1 if free is False else 0)]
-        tries_gaps = settings.method == "auto" and own_projection(settings, system) is None
-        tries_gaps = tries_gaps and settings.shooting == "auto" and "gaps" not in settings.without
-        gapped: Gapped = "never" if not tries_gaps else "where needed" if self._extension is None else "where left"
-        gapped = "at once" if settings.shooting == "multiple" else gapped
+            gapped = "where needed"
+        if not settings.tries_gaps:
+            gapped = "at once" if settings.shooting == "multiple" else "never"
         return DiscreteProblem(system, cost, settings, rows, free, gapped, final_time=final_time)
 
     def _continuous(self) -> Collocation | ContinuousProblem | ContinuousExtension:
@@ -360,9 +346,11 @@ class Optimizer:
             )
         accuracy = settings.accuracy or Accuracy()
         if self.unknowns or any(isinstance(limit, Periodic) for limit in self.limits):
-            return ContinuousExtension(
+            extension = ContinuousExtension(
                 system, cost, self.unknowns, self.limits, settings, accuracy, self.horizon, self.free_start
             )
+            self._around.append(extension)
+            return extension
         if self.limits or self.free_start is not False or settings.collocate:
             return Collocation(system, cost, self.limits, settings, accuracy, self.horizon, self.free_start)
         return ContinuousProblem(system, cost, settings, accuracy, self.horizon)

@@ -111,6 +111,12 @@ class Options:
         for name, value in checked.items():
             object.__setattr__(self, name, value)
 
+    @property
+    def tries_gaps(self) -> bool:
+        """Whether gaps between the steps may be tried where nobody asked for them: not with gains of its own."""
+        own_gains = self.projection is not None or self.regulator == "lqr"
+        return self.method == self.shooting == "auto" and not own_gains and "gaps" not in self.without
+
     def changed(self, **settings: Any) -> Options:
         """Return the options with other values of some.
 

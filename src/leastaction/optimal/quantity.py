@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -64,6 +64,14 @@ class Quantity(ABC):
         in a quantity that looks ahead.
         """
 
+    def all_columns(self, nx: int, nu: int) -> Instants:
+        """Return the same where it is all of them too."""
+        found = self.columns(nx, nu)
+        return np.arange(self._reach(nx, nu)) if found is None else found
+
+    def _reach(self, nx: int, nu: int) -> int:
+        return nx if self.of_state else 2 * nx + nu if self.looks_ahead else nx + nu
+
     @abstractmethod
     def values(self, at: Samples) -> Array:
         """Return the values (n, m)."""
@@ -71,6 +79,12 @@ class Quantity(ABC):
     @abstractmethod
     def jacobian(self, at: Samples) -> Array:
         """Return the derivatives by x, and by u, and by x_next, as far as it depends on them, (n, m, ...)."""
+
+    def whole_jacobian(self, at: Samples, nx: int, nu: int) -> Array:
+        """Return those by all of x, u and x_next, as far as it is evaluated with them, (n, m, ...)."""
+        whole = np.zeros((len(at.k), len(self.names), self._reach(nx, nu)))
+        whole[:, :, self.all_columns(nx, nu)] = self.jacobian(at)
+        return whole
 
     @abstractmethod
     def curvature(self, at: Samples, y: Array) -> Array | None:
@@ -202,23 +216,28 @@ class Entries(Quantity):
 class QuantityView(Quantity):
     """Another quantity, seen otherwise: it has that one's names, and what is said of it, until a subclass says more."""
 
+    keeps_signs: ClassVar[bool] = True
+    """Whether each of its functions is at least zero where one of the other quantity is."""
+
     def __init__(self, whole: Quantity) -> None:
         self.whole = whole
         self.names, self.kind, self.unit, self.first = whole.names, whole.kind, whole.unit, whole.first
         self.of_state, self.looks_ahead, self.says_all = whole.of_state, whole.looks_ahead, whole.says_all
         self.by_entries = whole.by_entries
 
-    @abstractmethod
     def instants(self, k: Instants) -> Instants:
         """Return the instants of the other quantity at which it is evaluated."""
+        found = self.own_instants(k)
+        return k if found is None else found
 
+    def own_instants(self, k: Instants) -> Instants | None:
+        """Return the same where they are others; None where they are not."""
 
-def wholes_apart(one: QuantityView, other: Quantity, k: Instants) -> Array | None:
-    """Return how far views are apart whose wholes are evaluated at the same instants; see `Quantity.apart`."""
-    if not isinstance(other, QuantityView):
-        return None
-    own = one.instants(k)
-    return one.whole.apart(other.whole, own) if np.array_equal(own, other.instants(k)) else None
+    def apart(self, other: Quantity, k: Instants) -> Array | None:
+        if not isinstance(other, QuantityView) or not (self.keeps_signs and other.keeps_signs):
+            return None
+        own = self.instants(k)
+        return self.whole.apart(other.whole, own) if np.array_equal(own, other.instants(k)) else None
 
 
 class QuantityElsewhere(QuantityView):
@@ -237,9 +256,6 @@ class QuantityElsewhere(QuantityView):
     def curvature(self, at: Samples, y: Array) -> Array | None:
         return self.whole.curvature(self.seen(at), y)
 
-    def apart(self, other: Quantity, k: Instants) -> Array | None:
-        return wholes_apart(self, other, k)
-
 
 class _Selected(QuantityView):
     """Some of the functions of another quantity."""
@@ -249,14 +265,8 @@ class _Selected(QuantityView):
         self.rows = list(rows)
         self.names = tuple(whole.names[row] for row in rows)
 
-    def instants(self, k: Instants) -> Instants:
-        return k
-
     def columns(self, nx: int, nu: int) -> Instants | None:
         return self.whole.columns(nx, nu)
-
-    def apart(self, other: Quantity, k: Instants) -> Array | None:
-        return wholes_apart(self, other, k)
 
     def values(self, at: Samples) -> Array:
         return self.whole.values(at)[:, self.rows]
@@ -276,13 +286,12 @@ class _Selected(QuantityView):
 class WeightedSum(QuantityView):
     """A weighted sum of the functions of another quantity, as one function; ``weights`` (m,)."""
 
+    keeps_signs = False
+
     def __init__(self, whole: Quantity, weights: Array) -> None:
         super().__init__(whole)
         self.weights, self.says_all = read_only(weights.copy()), False
         self.names = (_sum_of(whole.names, weights),)
-
-    def instants(self, k: Instants) -> Instants:
-        return k
 
     def columns(self, nx: int, nu: int) -> Instants | None:
         whole = self.whole
@@ -333,7 +342,7 @@ class Later(QuantityElsewhere):
     def seen(self, at: Samples) -> Samples:
         return at._replace(k=self.instants(at.k))
 
-    def instants(self, k: Instants) -> Instants:
+    def own_instants(self, k: Instants) -> Instants:
         return k + self.start
 
 

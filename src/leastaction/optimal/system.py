@@ -255,6 +255,8 @@ class System(ABC):
     def free_entries(self, free: Sequence[str], what: str = "free_start") -> list[int]:
         """Return the places of the entries of the state with these names; `what` they are given for, in messages.
 
+        The name of a joint stands for all its coordinates, ``"p_..."`` and ``"v_..."`` for its momenta and rates.
+
         Raises
         ------
         ArgumentError
@@ -262,7 +264,7 @@ class System(ABC):
         """
         places: set[int] = set()
         for pattern in free:
-            found = matching(self.state_names, pattern)
+            found = matching(self.state_names, pattern) or matching(self.state_names, f"{pattern}.*")
             if not found:
                 known = closest(pattern, self.state_names, what="entries of the state")
                 raise ArgumentError(f"{what}: unknown name {pattern!r}; {known}")

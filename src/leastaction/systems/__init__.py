@@ -2,61 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from leastaction._names import by_stub
 
-from leastaction._names import lazily
-
-if TYPE_CHECKING:
-    from leastaction.systems.checks import check_derivatives
-    from leastaction.systems.continuous import MechanismSystem
-    from leastaction.systems.costs.configurations import CostOfConfigurations
-    from leastaction.systems.costs.frames import ContinuousOrientationCost, ContinuousPlaceCost
-    from leastaction.systems.costs.orientations import OrientationCost
-    from leastaction.systems.costs.places import PlaceCost
-    from leastaction.systems.costs.smooth import CostOfAccelerations, SmoothCost
-    from leastaction.systems.costs.tracking import tracking
-    from leastaction.systems.embedding import embed
-    from leastaction.systems.following.follow import Followed, follow
-    from leastaction.systems.keep import Keep
-    from leastaction.systems.midpoint import MidpointSystem
-    from leastaction.systems.oriented import Oriented
-    from leastaction.systems.path_bound import PathBound
-    from leastaction.systems.pointing import Pointing
-    from leastaction.systems.pulled import PulledSystem
-    from leastaction.systems.regions import Ball, Box, HalfSpace, Region
-    from leastaction.systems.relaxation import by_tensions, relax
-    from leastaction.systems.rig import Played, Rig
-    from leastaction.systems.warm_starts import warm_start
-else:
-    __getattr__, __dir__ = lazily(
-        __name__,
-        {
-            "leastaction.systems.checks": "check_derivatives",
-            "leastaction.systems.continuous": "MechanismSystem",
-            "leastaction.systems.costs.configurations": "CostOfConfigurations",
-            "leastaction.systems.costs.frames": "ContinuousOrientationCost ContinuousPlaceCost",
-            "leastaction.systems.costs.orientations": "OrientationCost",
-            "leastaction.systems.costs.places": "PlaceCost",
-            "leastaction.systems.costs.smooth": "CostOfAccelerations SmoothCost",
-            "leastaction.systems.costs.tracking": "tracking",
-            "leastaction.systems.embedding": "embed",
-            "leastaction.systems.following.follow": "Followed follow",
-            "leastaction.systems.keep": "Keep",
-            "leastaction.systems.midpoint": "MidpointSystem",
-            "leastaction.systems.oriented": "Oriented",
-            "leastaction.systems.path_bound": "PathBound",
-            "leastaction.systems.pointing": "Pointing",
-            "leastaction.systems.pulled": "PulledSystem",
-            "leastaction.systems.regions": "Ball Box HalfSpace Region",
-            "leastaction.systems.relaxation": "by_tensions relax",
-            "leastaction.systems.rig": "Played Rig",
-            "leastaction.systems.warm_starts": "warm_start",
-        },
-    )
-
-__all__ = [
-    "Ball", "Box", "ContinuousOrientationCost", "ContinuousPlaceCost", "CostOfAccelerations", "CostOfConfigurations",
-    "Followed", "HalfSpace", "Keep", "MechanismSystem", "MidpointSystem", "OrientationCost", "Oriented",
-    "PathBound", "PlaceCost", "Played", "Pointing", "PulledSystem", "Region", "Rig", "SmoothCost", "by_tensions",
-    "check_derivatives", "embed", "follow", "relax", "tracking", "warm_start",
-]  # fmt: skip
+__getattr__, __dir__, __all__ = by_stub(__name__)

@@ -16,7 +16,6 @@ from leastaction.errors import (
     EnergyBalanceWarning,
     InconsistentStartError,
     ProjectionError,
-    StepError,
 )
 from leastaction.mechanics.configuration.assembly import check_consistent, project_configuration
 from leastaction.mechanics.configuration.null_space import NullSpace
@@ -31,7 +30,7 @@ from leastaction.mechanics.discrete.trajectory import State, Trajectory
 from leastaction.mechanics.mechanism.arguments import unturned
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.units import input_units, multiplier_units, state_units
-from leastaction.mechanics.mechanism.turns import differences, turn_past_half
+from leastaction.mechanics.mechanism.turns import differences
 from leastaction.numerics.arrays import Array, Row, as_number, as_times, require_instance
 from leastaction.numerics.dataset import Dataset
 from leastaction.numerics.frozen import changed, made, restore_state, saved_state
@@ -295,7 +294,7 @@ class MidpointSystem(DiscreteSystem):
 
         None too where an element changes with the time.
         """
-        if type(self).f is not MidpointSystem.f or self.space is not None or self.mechanism.core.timed:
+        if type(self).f is not MidpointSystem.f or self.mechanism.core.timed:
             return None
         t, vi = self.t[start : start + len(x)], self.integrator
         out = vi.core.curvature_by_time_step(
@@ -425,13 +424,6 @@ class MidpointSystem(DiscreteSystem):
         worst = quality_of(m, out, self.t)
         done = out.steps
         failure = None if done == self.N else self._failure(out.status, worst, done)
-        if failure is None and turn_past_half(m, x[:done], out.x):
-            # States say how far a rotation turns up to half a turn; what is beyond may not be found from them again.
-            try:
-                self.linearize_each(x, u, out.x)
-            except StepError as error:
-                done = self.instant(error.t, "t")
-                failure = f"{self.when(done)} turns by more than half a turn and has no derivatives"
         ends = np.hstack([out.x, out.lam]) if self.multipliers else out.x
         at = None if out.worst.k < 0 else out.worst.k
         return Rollout(ends[:done], u[:done], done, failure, worst, at)

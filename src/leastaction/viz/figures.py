@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, ParamSpec
+from typing import TYPE_CHECKING, Any, Final, Literal, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 P = ParamSpec("P")
+R = TypeVar("R")
 
 # Okabe and Ito's palette, https://jfly.uni-koeln.de/color/
 BLUE: Final = "#0072B2"
@@ -61,6 +62,7 @@ _STYLE: Final[dict[Any, Any]] = {
     "ytick.labelsize": 8.0,
     "xtick.major.width": 0.7,
     "ytick.major.width": 0.7,
+    "axes.prop_cycle": f"cycler('color', {[BLUE, VERMILION, GREEN, ORANGE, PURPLE, INK]})",
     "legend.frameon": False,
     "legend.fontsize": 8.5,
     "lines.solid_capstyle": "round",
@@ -78,11 +80,11 @@ def _style() -> Iterator[None]:
 
 
 @public
-def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+def styled(draw: Callable[P, R]) -> Callable[P, R]:
     """Draw in this package's style and leave the caller's matplotlib settings as they were."""
 
     @wraps(draw)
-    def wrapper(*args: P.args, **kwargs: P.kwargs) -> Figure:
+    def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
         with _style():
             return draw(*args, **kwargs)
 
@@ -179,7 +181,7 @@ def save_png(figure: Figure | Sequence[Figure], path: str | os.PathLike[str], *,
     path
         The file to write.
     dpi
-        Dots per inch; a figure is 8 to 11 inches wide.
+        Dots per inch; a figure is 8 to 12 inches wide. Of several all become as wide as the widest.
 
     Returns
     -------
@@ -210,10 +212,10 @@ def save_png(figure: Figure | Sequence[Figure], path: str | os.PathLike[str], *,
 def _write_stacked(figures: Sequence[Figure], buffer: io.BytesIO, dpi: float) -> None:
     from matplotlib.image import imread, imsave
 
-    images = []
-    for figure in figures:
-        one = io.BytesIO()
-        figure.savefig(one, format="png", dpi=dpi, pil_kwargs={"compress_level": 1})
+    images, inches = [], max(figure.get_size_inches()[0] for figure in figures)
+    for figure in figures:  # all as wide as the widest
+        one, wider = io.BytesIO(), inches / figure.get_size_inches()[0]
+        figure.savefig(one, format="png", dpi=dpi * wider, pil_kwargs={"compress_level": 1})
         one.seek(0)
         images.append(imread(one)[:, :, :3])
     width = max(image.shape[1] for image in images)

@@ -251,6 +251,14 @@ class Scene:
         return self.focus or next(iter(self.points))
 
     @property
+    def strongest(self) -> dict[str, float]:
+        """How much the longest arrow of each kind stands for."""
+        found: dict[str, float] = {}
+        for arrow in self.arrows:
+            found[arrow.kind] = max(found.get(arrow.kind, 1e-12), float(np.linalg.norm(arrow.vector, axis=1).max()))
+        return found
+
+    @property
     def top_tension(self) -> float:
         """The tension that is drawn in the strongest colour, N: all but half a percent of the time it is less."""
         return max([1e-9, *(float(np.quantile(pull, 0.995)) for pull in (self.tension or {}).values())])
@@ -348,7 +356,7 @@ def _paths(mechanism: Mechanism, q: Array, names: Sequence[str]) -> dict[str, Ar
 def _bars(mechanism: Mechanism, q: Array) -> list[Bone]:
     """Return a bone from every frame to its parent, where they are apart."""
     frames = mechanism.tree.frames
-    places = mechanism.positions(q)
+    places = mechanism.positions(q, list(mechanism.tree.index))
     apart = {
         i: float(np.linalg.norm(places[:, i] - places[:, frame.parent], axis=1).max())
         for i, frame in enumerate(frames)

@@ -187,6 +187,54 @@ def test_a_muscle_without_a_range_of_lengths_has_that_of_its_joints(tmp_path: Pa
     assert np.allclose(ours, [low, high], atol=0.05 * (high - low))
 
 
+def test_the_range_of_a_muscle_beside_a_rotation(tmp_path: Path) -> None:
+    muscle = '<actuator><muscle name="m" tendon="plain" force="80"/></actuator>'
+    loose = f'<worldbody><body name="loose"><freejoint/>{INERTIAL}</body></worldbody>'
+    texts = (ARM + muscle, loose + ARM + muscle)
+    alone, beside = (leastaction.load(written(tmp_path, text)).left_out for text in texts)
+    assert alone == beside
+    assert "2000 samples" in alone[-1].why
+    unlimited = ARM.replace('range="-1 1.5"', "").replace('range="-.5 1"', "")
+    model = leastaction.load(written(tmp_path, unlimited + muscle))
+    assert "it needs a lengthrange" in model.left_out[-1].why
+    assert "m" not in model.mechanism.inputs
+
+
+ROTATIONS = f"""
+<worldbody>
+ <body name="loose"><freejoint name="f"/>{INERTIAL}
+  <body name="arm" pos="0 .1 0"><joint name="b" type="ball" pos=".1 0 .1"/>{INERTIAL}</body>
+ </body>
+</worldbody>
+"""
+
+
+def test_motors_of_ball_and_free_joints(tmp_path: Path) -> None:
+    actuators = '<motor joint="b" gear="2 -3 .5"/><motor joint="f" gear="1 0 2 .3 0 -4"/>'
+    file = written(tmp_path, ROTATIONS + f"<actuator>{actuators}</actuator>")
+    model, (m, d) = leastaction.load(file, strict=True), compiled(file, "ACTUATION")
+    rng = np.random.default_rng(0)
+    d.qpos[:], d.qvel[:], d.ctrl[:] = rng.normal(size=m.nq), rng.normal(size=m.nv), [0.7, -1.3]
+    mujoco.mj_normalizeQuat(m, d.qpos)
+    mujoco.mj_forward(m, d)
+    got = ContinuousDynamics(model.mechanism).accelerations(d.qpos, d.qvel, d.ctrl).a
+    np.testing.assert_allclose(got, d.qacc, rtol=0, atol=1e-9 * np.abs(d.qacc).max())
+
+
+@pytest.mark.parametrize(
+    ("actuator", "why"),
+    [
+        ('<position name="x" joint="b" kp="3"/>', "a servo needs a length"),
+        ('<motor name="x" jointinparent="b" gear="1 0 0"/>', "those before the ball joint 'b'"),
+        ('<motor name="x" joint="f" gear="0"/>', "its gear is zero"),
+    ],
+)
+def test_what_does_not_turn_a_ball_is_said(tmp_path: Path, actuator: str, why: str) -> None:
+    model = leastaction.load(written(tmp_path, ROTATIONS + f"<actuator>{actuator}</actuator>"))
+    (said,) = model.left_out
+    assert why in said.why
+
+
 @pytest.mark.parametrize(
     ("actuator", "why"),
     [

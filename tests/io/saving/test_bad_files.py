@@ -123,8 +123,11 @@ def test_what_is_no_run(tmp_path: Path) -> None:
             la.open(tmp_path / name)
     for name in ("a.h5", "a.npz", "a"):
         (tmp_path / name).write_text("HIERARCHY\nROOT Hips\n", encoding="utf-8")
-        with pytest.raises(ResultFileError, match=r"a(\.\w+)? is damaged"):
+        with pytest.raises(ResultFileError, match=r"a(\.\w+)? is (damaged|no run)"):
             la.open(tmp_path / name)
+    (tmp_path / "robot.xml").write_text("<mujoco/>", encoding="utf-8")
+    with pytest.raises(ResultFileError, match=r"robot\.xml is no run and no result.* Models are for leastaction\.load"):
+        la.open(tmp_path / "robot.xml")
     (tmp_path / "a.mat").write_bytes(b"MATLAB 5.0")
     with pytest.raises(ResultFileError, match=r"file for MATLAB.*Open the \.h5 or \.npz"):
         la.open(tmp_path / "a.mat")

@@ -267,3 +267,11 @@ def test_a_steady_regulator_of_steps_is_the_limit_of_a_long_horizon() -> None:
 def test_a_steady_regulator_says_that_steps_have_a_length() -> None:
     with pytest.raises(ArgumentError, match="dt"):
         steady_state_regulator(np.eye(2), np.eye(2), dt=0.0)
+
+
+def test_what_is_out_of_reach_is_said() -> None:
+    A, B = np.diag([1.0, 0.5, 0.9]), np.array([[0.0], [1.0], [0.0]])
+    with pytest.raises(ArgumentError, match=r"Out of reach: the eigenvalue 1 \(of the states 0, counted from 0\)\.$"):
+        steady_state_regulator(A, B, dt=0.1)
+    with pytest.raises(ArgumentError, match=r"eigenvalue 0[+-]1j .*; 0[+-]1j"):
+        steady_state_regulator(np.array([[0.0, 1.0], [-1.0, 0.0]]), np.zeros((2, 1)))

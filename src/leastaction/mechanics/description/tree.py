@@ -141,6 +141,12 @@ class Tree:
         return tuple(names)
 
     @cached_property
+    def named(self) -> tuple[str, ...]:
+        """The names of the frames that a user knows: all but those within a rotation that is a quaternion."""
+        within = {i for group, found in self.compositions if group.axes == QUATERNION for i in found[-3:-1]}
+        return tuple(placed.name for index, placed in enumerate(self.frames) if index not in within)
+
+    @cached_property
     def index(self) -> dict[str, int]:
         """The index of each frame by its name."""
         return {placed.name: index for index, placed in enumerate(self.frames)}

@@ -284,10 +284,10 @@ class Element(abc.ABC):
 
     def _check_names(self, context: Context) -> None:
         uses = self.uses
-        kinds: tuple[tuple[tuple[str, ...], Collection[str], str], ...] = (
-            (uses.frames, context.frames, "frame"),
-            (uses.dynamic + uses.kinematic + uses.variables, context.variables, "variable"),
-            (uses.inputs, context.inputs, "input"),
+        kinds: tuple[tuple[tuple[str, ...], Collection[str], Collection[str], str], ...] = (
+            (uses.frames, context.frames, context.tree.named, "frame"),
+            (uses.dynamic + uses.kinematic + uses.variables, context.variables, context.variables, "variable"),
+            (uses.inputs, context.inputs, context.inputs, "input"),
         )
         for needed, wrong, kind, other in (
             (uses.dynamic, context.kinematic, "dynamic", "kinematic"),
@@ -300,11 +300,11 @@ class Element(abc.ABC):
                         f"{self.label}: {name!r} is a {other} variable where a {kind} one is needed; "
                         f"{closest(None, right, what=f'{kind} variables')}"
                     )
-        for names, known, kind in kinds:
+        for names, known, told, kind in kinds:
             for name in names:
                 if name not in known:
                     raise DescriptionError(
-                        f"{self.label}: unknown {kind} {name!r}; {closest(name, tuple(known), what=f'{kind}s')}"
+                        f"{self.label}: unknown {kind} {name!r}; {closest(name, tuple(told), what=f'{kind}s')}"
                     )
 
 

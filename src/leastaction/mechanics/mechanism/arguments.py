@@ -81,7 +81,20 @@ def single(m: Compiled, q: Row, what: str = "q") -> Array:
 
 def rates(m: Compiled, v: Row, what: str = "v", *, rows: int | None = None) -> Array:
     """Return velocities or the like, (nv,), which may be given by name, or (rows, nv)."""
+    if isinstance(v, Mapping):
+        v = velocity_by_name(m, v, what)
     return as_array(v, what, (m.nv,) if rows is None else (rows, m.nv), names=m.variables)
+
+
+def velocity_by_name(m: Compiled, values: Mapping[str, ArrayLike], what: str = "v", rest: float = 0.0) -> Array:
+    """Return a velocity (nv,) from values by name, those of a rotation together by the name of its joint."""
+    plain: dict[str, Any] = dict(values)
+    for rotation in m.tree.rotations:
+        if rotation.name in plain:
+            told = f"{what}: the value of {rotation.name!r}"
+            three = as_array(plain.pop(rotation.name), told, (3,), meaning="an angular velocity in axes of the body")
+            plain.update(zip(rotation.variables, three, strict=True))
+    return row_by_name(plain, what, m.variables, rest)
 
 
 def configuration_on(m: Compiled, q: Array, what: str) -> Array:
@@ -144,5 +157,5 @@ def frame_index(m: Compiled, name: object) -> int:
     """Return the index of a frame by name."""
     index = m.tree.index.get(name) if isinstance(name, str) else None
     if index is None:
-        raise unknown("frame", name, m.tree.index)
+        raise unknown("frame", name, m.frames)
     return index

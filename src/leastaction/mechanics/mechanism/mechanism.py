@@ -15,11 +15,11 @@ from leastaction import _core
 from leastaction.errors import unknown
 from leastaction.mechanics.description.branch import Branch, grown
 from leastaction.mechanics.description.flattening import flatten
-from leastaction.mechanics.description.masses import check_masses
+from leastaction.mechanics.description.masses import check_masses, check_matter
 from leastaction.mechanics.description.tree import BallAngles
 from leastaction.mechanics.elements import Element, Parts
 from leastaction.mechanics.mechanism import queries
-from leastaction.mechanics.mechanism.arguments import Compiled, batch, configuration_by_name
+from leastaction.mechanics.mechanism.arguments import Compiled, batch, configuration_by_name, velocity_by_name
 from leastaction.mechanics.mechanism.changes import freed, with_values
 from leastaction.mechanics.mechanism.compilation import Plan, bodies_of, plan
 from leastaction.mechanics.mechanism.equality import names_hash, same
@@ -36,7 +36,7 @@ from leastaction.mechanics.mechanism.parameters import (
 from leastaction.mechanics.mechanism.shared import check_values, joined, members_of, spread
 from leastaction.mechanics.mechanism.view import tree_view
 from leastaction.mechanics.mechanism.view_html import html_view
-from leastaction.numerics.arrays import Array, Row, as_number, require_mapping, row_by_name
+from leastaction.numerics.arrays import Array, Row, as_number, require_mapping
 from leastaction.numerics.public import public
 
 
@@ -115,6 +115,8 @@ class Mechanism(Compiled):
         return result
 
     def _compile(self, settled: Plan, *, like: _core.Mechanism | None = None) -> None:
+        if like is None:
+            check_matter(settled.tree, settled.rotors)
         nd, nrho, n_inputs = map(len, (settled.dynamic, settled.kinematic, settled.inputs))
         builder = _core.MechanismBuilder(nd, nrho, n_inputs)
         context = settled.emit(builder)
@@ -127,7 +129,7 @@ class Mechanism(Compiled):
             "parts": {**context.parts, None: whole},
             "core": builder.build() if like is None else _build_like(builder, like),
             "tree": settled.tree,
-            "frames": tuple(settled.tree.index),
+            "frames": settled.tree.named,
             "dynamic": settled.dynamic,
             "kinematic": settled.kinematic,
             "variables": settled.dynamic + settled.kinematic,
@@ -190,13 +192,14 @@ class Mechanism(Compiled):
         """
         return configuration_by_name(self, _given(values), "values", as_number(default, "default"))
 
-    def velocity(self, values: Mapping[str, float] | None = None, *, default: float = 0.0) -> Array:
+    def velocity(self, values: Mapping[str, ArrayLike] | None = None, *, default: float = 0.0) -> Array:
         """Return a velocity, or another number for each variable such as a weight, from values by name.
 
         Parameters
         ----------
-        values : mapping of str to float, optional
-            Velocity of some variables (m/s or rad/s), angular velocities of quaternions among them (``"base.wx"``).
+        values : mapping of str to float or array_like (3,), optional
+            Velocity of some variables (m/s or rad/s), angular velocities of quaternions among them (``"base.wx"``), or
+            all three of one by the name of its joint, ``{"base": [0.0, 0.0, 8.0]}``.
         default : float, optional
             That of the others.
 
@@ -209,7 +212,7 @@ class Mechanism(Compiled):
         ArgumentError
             For an unknown name or a value that is not a finite number.
         """
-        return row_by_name(_given(values), "values", self.variables, as_number(default, "default"))
+        return velocity_by_name(self, _given(values), "values", as_number(default, "default"))
 
     def named(self, q: Row) -> dict[str, Any]:
         """Return the entries of a configuration by name: floats, or arrays (N,) for a batch (N, nq)."""
@@ -400,9 +403,7 @@ class Mechanism(Compiled):
             if tree is not self.tree:
                 core = core.with_bodies(bodies_of(tree))
             result = Mechanism.__new__(Mechanism)
-            vars(result).update(
-                {**vars(self), "_plan": settled, "tree": tree, "frames": tuple(tree.index), "core": core}
-            )
+            vars(result).update({**vars(self), "_plan": settled, "tree": tree, "frames": tree.named, "core": core})
         else:
             result = self._of(settled, like=self.core)
         if tree is not self.tree:

@@ -140,15 +140,6 @@ def of_coordinates(m: Compiled, of_variables: Flags) -> Flags:
     return np.array([said[name] for name in m.coordinates], dtype=np.bool_)
 
 
-def turn_past_half(m: Compiled, q: Array, after: Array) -> bool:
-    """Return whether a rotation turns past half a turn on the way from some configurations (n, nq) to others.
-
-    Its numbers follow it then past those of the same rotation that are nearer.
-    """
-    firsts = [m.coordinates.index(rotation.quaternion[0]) for rotation in m.tree.rotations]
-    return any(bool((np.sum(q[:, i : i + 4] * after[:, i : i + 4], axis=1) < 0.0).any()) for i in firsts)
-
-
 def prescribed_rotations(m: Compiled) -> list[tuple[BallRotation, int, int]]:
     """Return prescribed rotations, where their quaternions begin behind first_rho, and their turns behind nd."""
     if m.nq - m.first_rho == m.nrho:

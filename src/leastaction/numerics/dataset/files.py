@@ -66,6 +66,11 @@ def _kind_of(source: Path) -> str:
             return kind
     if ending in (".h5", ".hdf5") and source.is_file():
         raise ResultFileError(f"{source} is damaged, cut short or no HDF5 file. {_AGAIN}")
+    if ending not in _WRITERS and source.is_file():
+        raise ResultFileError(
+            f"{source} is no run and no result, which end in {', '.join(_WRITERS)}. Models are for leastaction.load, "
+            "motions for leastaction.read_motion, captures for leastaction.io.read_capture"
+        )
     return ".csv" if ending == ".csv" else ".npz"
 
 

@@ -133,9 +133,7 @@ class AtStage(QuantityElsewhere):
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002 - of the discrete system
         """Return the places in the state on which it depends."""
-        n, m = self.layout.nx, self.layout.nu
-        own = self.whole.columns(n, m)
-        return np.asarray(self.places[np.arange(n if self.whole.of_state else n + m) if own is None else own])
+        return np.asarray(self.places[self.whole.all_columns(self.layout.nx, self.layout.nu)])
 
     def seen(self, at: Samples) -> Samples:
         both, n, nothing = at.x[:, self.places], self.layout.nx, np.empty((len(at.k), 0))
@@ -148,7 +146,7 @@ class AtStage(QuantityElsewhere):
         whole = self.whole.joined([part.whole for part in parts]) if alike else None
         return None if whole is None else AtStage(whole, self.layout, self.stage)
 
-    def instants(self, k: Instants) -> Instants:
+    def own_instants(self, k: Instants) -> Instants:
         return (k - 1) * STAGES + 1 + self.stage
 
 

@@ -28,7 +28,8 @@ from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
 from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.function_system import as_dynamics
 from leastaction.optimal.continuous.horizon import as_horizon, first_mesh
-from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, ModelSamples, solve_samples
+from leastaction.optimal.continuous.model import ModelSamples, TangentModel
+from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, solve_samples
 from leastaction.optimal.cost import matrix_of
 
 # Pieces that a horizon is divided into before anything is known of the functions sampled on it.
@@ -121,9 +122,8 @@ def solve_continuous_linear_quadratic(
             f"A, B, Q, R, S, q, r, c: got a value that is not finite at t = {time:.6g} s, expected "
             "finite numbers. Look at the functions that were given."
         )
-    return solve_samples(
-        mesh, ModelSamples.unpack(packed, nx, nu), matrix_of(final), gradient, accuracy=accuracy, jumps=every
-    )
+    model = TangentModel(mesh, ModelSamples.unpack(packed, nx, nu), matrix_of(final), gradient)
+    return solve_samples(model, accuracy=accuracy, jumps=every)
 
 
 @public
@@ -223,9 +223,22 @@ def steady_state_regulator(
         hint = "" if dt is not None else " A and B that are of steps need dt=."
         raise ArgumentError(
             f"A, B, Q, R: there is no steady-state regulator ({str(error).rstrip('.')}). Every unstable mode must be "
-            f"within reach of the input and seen by Q, and R positive definite.{hint}"
+            f"within reach of the input and seen by Q, and R positive definite.{_out_of_reach(A, B, dt)}{hint}"
         ) from error
     return K, 0.5 * (P + P.T)
+
+
+def _out_of_reach(A: Array, B: Array, dt: float | None) -> str:
+    """Say which modes neither die away nor are within reach of the input, by Popov, Belevitch and Hautus."""
+    said = []
+    for value in np.linalg.eigvals(A):
+        grows = value.real if dt is None else abs(value) - 1.0
+        left, sizes, _ = np.linalg.svd(np.hstack([A - value * np.eye(len(A)), B]))
+        if grows > -1e-7 and sizes[-1] < 1e-7 * sizes[0]:
+            share = np.abs(left[:, -1])
+            states = ", ".join(str(i) for i in np.flatnonzero(share > 0.1 * share.max()))
+            said.append(f"{value:.4g} (of the states {states}, counted from 0)")
+    return f" Out of reach: the eigenvalue {'; '.join(dict.fromkeys(said))}." if said else ""
 
 
 def _size(signal: TimeFunction, t0: float) -> int:

@@ -66,21 +66,10 @@ def minimise_model(
     if method == "steepest":
         nx, nu = B.shape[1:]
         hessian = ModelHessian(np.ones(nx), np.ones(nu), None, np.ones(nx))
-    problem: dict[str, Any] = {
-        "Q": hessian.Q,
-        "R": hessian.R,
-        "S": hessian.S,
-        "part": hessian.part,
-        "H": curvature if method == "newton" else None,
-        "H_scale": scale,
-        "q": q,
-        "r": r,
-        "Q_final": hessian.Q_final,
-        "q_final": q_final,
-        "c": gaps,
-        "pattern": linearization.pattern,
-        "keep_P": gaps is not None,
-    }
+    problem: dict[str, Any] = dict(
+        hessian._asdict(), H=curvature if method == "newton" else None, H_scale=scale, q=q, r=r, q_final=q_final,
+        c=gaps, pattern=linearization.pattern, keep_P=gaps is not None,
+    )  # fmt: skip
     try:
         return recursion(A, B, workspace, **problem)
     except (AttributeError, TypeError, ValueError):
@@ -120,19 +109,9 @@ def escape(
         trial = 0.5 * (low + high)
         weights = hessian(trial)
         model = solve_linear_quadratic(
-            A,
-            B,
-            Q=weights.Q,
-            R=weights.R,
-            S=weights.S,
-            part=weights.part,
-            H=curvature,
-            H_scale=trial,
-            r=-du,
-            Q_final=weights.Q_final,
-            pattern=linearization.pattern,
-            workspace=workspace,
-        )
+            A, B, H=curvature, H_scale=trial, r=-du, pattern=linearization.pattern, workspace=workspace,
+            **weights._asdict(),
+        )  # fmt: skip
         if not model.definite:
             high = trial
             continue

@@ -214,23 +214,13 @@ def recursion(
     B: Array,
     workspace: Workspace,
     *,
-    Q: Array | None,
-    R: Array | None,
-    S: Array | None,
-    q: Array | None,
-    r: Array | None,
-    Q_final: Array | None,
-    q_final: Array | None,
-    H: Array | None = None,
-    H_scale: float = 1.0,
     part: tuple[Any, Array] | None = None,
-    c: Array | None = None,
-    regularize: bool = False,
-    use_structure: bool = True,
-    pattern: npt.NDArray[np.bool_] | None = None,
     keep_P: bool = False,
+    **terms: Any,
 ) -> LinearQuadraticSolution:
     """Return what `solve_linear_quadratic` does, of arrays that are looked through already; for short iterations.
+
+    ``terms``: the others, by the same names, as the core takes them.
 
     Raises
     ------
@@ -242,36 +232,11 @@ def recursion(
     K, C, b, P0 = workspace.K, workspace.C, workspace.b, workspace.P0
     P, factors = workspace.keep() if keep_P else (None, None)
     columns, matrices = (None, None) if part is None else part
-    report = _core.solve_linear_quadratic(
-        A,
-        B,
-        K,
-        C,
-        b,
-        P0,
-        P,
-        factors,
-        Q=Q,
-        R=R,
-        S=S,
-        H=H,
-        H_scale=H_scale,
-        part_columns=columns,
-        part=matrices,
-        q=q,
-        r=r,
-        c=c,
-        Q_final=Q_final,
-        q_final=q_final,
-        regularize=regularize,
-        use_structure=use_structure,
-        pattern=pattern,
-    )
+    report = _core.solve_linear_quadratic(A, B, K, C, b, P0, P, factors, part_columns=columns, part=matrices, **terms)
     if report.status == _NOT_FINITE:
-        small = {"Q": Q, "R": R, "S": S, "q": q, "r": r, "c": c, "Q_final": Q_final, "q_final": q_final}
-        for name, array in small.items():
-            if array is not None:
-                require_finite(array, name)
+        for name in ("Q", "R", "S", "q", "r", "c", "Q_final", "q_final"):
+            if terms.get(name) is not None:
+                require_finite(terms[name], name)
         raise ArgumentError(
             f"A, B, H, Q, R or S: got a value that is not finite, met at stage {report.stage} "
             f"(of 0 .. {len(A) - 1}). Look at A[{report.stage}], B[{report.stage}] and that stage's cost."

@@ -9,7 +9,7 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.limits.rows import Rows
-from leastaction.optimal.quantity import Entries, Instants, Quantity, QuantityView, Samples, wholes_apart
+from leastaction.optimal.quantity import Entries, Instants, Quantity, QuantityView, Samples
 from leastaction.optimal.space import StateSpace, bent_by_numbers, by_numbers
 
 
@@ -20,45 +20,26 @@ class ChartedQuantity(QuantityView):
         super().__init__(whole)
         self.space, self.by_entries = space, False
 
-    def instants(self, k: Instants) -> Instants:
-        return k
-
     def columns(self, nx: int, nu: int) -> None:
         """Return None: it may depend on all."""
 
     def values(self, at: Samples) -> Array:
         return self.whole.values(at)
 
-    def apart(self, other: Quantity, k: Instants) -> Array | None:
-        return wholes_apart(self, other, k)
-
     def jacobian(self, at: Samples) -> Array:
-        return np.asarray(self._whole(at) @ self._moves(at))
+        return np.asarray(self.whole.whole_jacobian(at, at.x.shape[1], at.u.shape[1]) @ self._moves(at))
 
     def curvature(self, at: Samples, y: Array) -> Array:
         space, moves = self.space, self._moves(at)
         n, nx = at.x.shape
-        pull = np.einsum("kmi,km->ki", self._whole(at), y)
+        pull = np.einsum("kmi,km->ki", self.whole.whole_jacobian(at, nx, at.u.shape[1]), y)
         bent = np.zeros((n, moves.shape[2], moves.shape[2]))
         bent[:, : space.ndx, : space.ndx] = space.plus_curvature(at.x, pull[:, :nx])
         own = self.whole.curvature(at, y)
         if own is not None:
-            places = self._places(at)
+            places = self.whole.all_columns(nx, at.u.shape[1])
             bent += np.swapaxes(moves[:, places], 1, 2) @ own @ moves[:, places]
         return bent
-
-    def _places(self, at: Samples) -> Instants:
-        """Return the places in (x, u) in which the other quantity gives its derivatives."""
-        nx, nu = at.x.shape[1], at.u.shape[1]
-        found = self.whole.columns(nx, nu)
-        return np.arange(nx if self.of_state else nx + nu) if found is None else found
-
-    def _whole(self, at: Samples) -> Array:
-        """Return its derivatives by all of (x, u)."""
-        size = at.x.shape[1] + (0 if self.of_state else at.u.shape[1])
-        whole = np.zeros((len(at.k), len(self.names), size))
-        whole[:, :, self._places(at)] = self.whole.jacobian(at)
-        return whole
 
     def _moves(self, at: Samples) -> Array:
         """Return the derivatives of (x, u) by directions and inputs."""
@@ -77,17 +58,11 @@ class PlainEntries(QuantityView):
         self.places, self.by_entries = places, False
         self._slopes = np.diag(whole.factors)
 
-    def instants(self, k: Instants) -> Instants:
-        return k
-
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002
         return self.places
 
     def values(self, at: Samples) -> Array:
         return self.whole.values(at)
-
-    def apart(self, other: Quantity, k: Instants) -> Array | None:
-        return wholes_apart(self, other, k)
 
     def jacobian(self, at: Samples) -> Array:
         return np.broadcast_to(self._slopes, (len(at.k), *self._slopes.shape))
@@ -106,17 +81,11 @@ class NumberedQuantity(QuantityView):
         super().__init__(whole)
         self.space, self.by_entries = space, True
 
-    def instants(self, k: Instants) -> Instants:
-        return k
-
     def columns(self, nx: int, nu: int) -> None:
         """Return None: it may depend on all."""
 
     def values(self, at: Samples) -> Array:
         return self.whole.values(self._states(at))
-
-    def apart(self, other: Quantity, k: Instants) -> Array | None:
-        return wholes_apart(self, other, k)
 
     def jacobian(self, at: Samples) -> Array:
         return by_numbers(self.space, at.x, self._slopes(self._states(at)))
@@ -127,7 +96,7 @@ class NumberedQuantity(QuantityView):
         bent = np.zeros((*slope.shape, slope.shape[1]))
         own = self.whole.curvature(there, y)
         if own is not None:
-            places = self._places(at)
+            places = self.whole.all_columns(self.space.ndx, at.u.shape[1])
             bent[:, places[:, None], places] = own
         return bent_by_numbers(self.space, at.x, slope, bent)
 
@@ -135,16 +104,8 @@ class NumberedQuantity(QuantityView):
         """Return the samples with states in place of numbers that are near them."""
         return at._replace(x=self.space.plus(at.x, np.zeros((len(at.x), self.space.ndx))))
 
-    def _places(self, at: Samples) -> Instants:
-        ndx, nu = self.space.ndx, at.u.shape[1]
-        found = self.whole.columns(ndx, nu)
-        return np.arange(ndx if self.of_state else ndx + nu) if found is None else found
-
     def _slopes(self, at: Samples) -> Array:
-        size = self.space.ndx + (0 if self.of_state else at.u.shape[1])
-        whole = np.zeros((len(at.k), len(self.names), size))
-        whole[:, :, self._places(at)] = self.whole.jacobian(at)
-        return whole
+        return self.whole.whole_jacobian(at, self.space.ndx, at.u.shape[1])
 
 
 def numbered(quantity: Quantity, space: StateSpace | None) -> Quantity:

@@ -352,7 +352,7 @@ def _values(
     try:
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise ArgumentError(f"{what}: got {value!r}, expected numbers") from None
+        raise ArgumentError(f"{what}: got {brief(repr(value))}, expected numbers") from None
     if np.isnan(array).any():
         raise ArgumentError(f"{what}: got NaN, expected numbers")
     impossible = array[np.isin(array, never)]

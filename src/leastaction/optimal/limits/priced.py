@@ -125,8 +125,7 @@ class PricedLimits(AddedCost):
 
     def _columns_of(self, rows: Rows) -> Instants:
         ndx, nu = self._ndx, self._sizes[2]
-        columns = rows.quantity.columns(ndx, nu)
-        return np.arange(ndx if rows.quantity.of_state else ndx + nu) if columns is None else columns
+        return rows.quantity.all_columns(ndx, nu)
 
 
 def _priced(rows: Rows, limit: Limit, space: StateSpace | None) -> Rows:

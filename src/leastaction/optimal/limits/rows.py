@@ -273,10 +273,7 @@ class Rows:
 
     def columns(self, nx: int, nu: int) -> Instants:
         """Return the places in (x, u, x_next) in which derivatives are given."""
-        columns = self.quantity.columns(nx, nu)
-        if columns is not None:
-            return columns
-        return np.arange(nx if self.quantity.of_state else 2 * nx + nu if self.quantity.looks_ahead else nx + nu)
+        return self.quantity.all_columns(nx, nu)
 
     def _at(self, x: Array, u: Array) -> Samples:
         k, at, after = self.k, self._part, self._part_after

@@ -10,7 +10,7 @@ import numpy as np
 from leastaction.numerics.arrays import Array
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.limits.sides import Sided, SideLayout
-from leastaction.optimal.quantity import Instants, Quantity, QuantityView, Samples, names_of, wholes_apart
+from leastaction.optimal.quantity import Instants, Quantity, QuantityView, Samples, names_of
 
 
 class Together:
@@ -45,14 +45,8 @@ class _Signed(QuantityView):
         self._sums = np.zeros((len(signs), len(whole.names)))
         self._sums[np.arange(len(signs)), self._of] = signs
 
-    def instants(self, k: Instants) -> Instants:
-        return k
-
     def columns(self, nx: int, nu: int) -> Instants | None:
         return self.whole.columns(nx, nu)
-
-    def apart(self, other: Quantity, k: Instants) -> Array | None:
-        return wholes_apart(self, other, k)
 
     def values(self, at: Samples) -> Array:
         return np.asarray(self.whole.values(at)[:, self._of] * self._signs)

@@ -1,4 +1,15 @@
-"""The loop: one iteration after the other, until there is a reason to stop."""
+"""The loop: one iteration after the other, until there is a reason to stop.
+
+An iteration (`Loop._advance`)::
+
+    for direction in Directions.each():             # of the best model that has a minimum first, then simpler, shorter
+        is so little expected of it that it ends?   # at a minimum, a saddle, a limit of iterations
+        step = Search(direction)                    # as long a step as lowers what is minimised enough
+        a step was found?  accept it, and tell of it: the iteration is over
+    no direction could be followed:  the stage ends stalled, or with a line search that failed
+
+Where it ends, `StageSequence.go_on` has the problem's next stage, or another way to begin, or nothing.
+"""
 
 from __future__ import annotations
 

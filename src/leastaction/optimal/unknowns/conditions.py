@@ -48,10 +48,7 @@ def is_of_unknowns(limit: Bound, names: Collection[str]) -> bool:
 def values_of(condition: Quantity, values: Array) -> tuple[Array, Array]:
     """Return the functions (m,) of a condition at values (P,) of the parameters, and their derivatives (m, P)."""
     at = Samples(np.zeros(1, dtype=np.intp), values[None], *[np.empty((1, 0))] * 2)
-    columns = condition.columns(len(values), 0)
-    slopes = np.zeros((len(condition.names), len(values)))
-    slopes[:, slice(None) if columns is None else columns] = condition.jacobian(at)[0]
-    return condition.values(at)[0], slopes
+    return condition.values(at)[0], condition.whole_jacobian(at, len(values), 0)[0]
 
 
 def size_of(values: Array) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from leastaction.numerics.arrays import Array
-from leastaction.optimal.quantity import Instants, Quantity, QuantityElsewhere, QuantityView, Samples, wholes_apart
+from leastaction.optimal.quantity import Instants, Quantity, QuantityElsewhere, QuantityView, Samples
 from leastaction.optimal.unknowns.extended import Extended, by_differences, stepped
 
 Of = Callable[[Any], Quantity]
@@ -40,7 +40,7 @@ class ExtendedQuantity(QuantityView):
         copied, at = layout.copied_moves, layout.at_copied_moves
         if own.by_entries:
             n, nx, copied, at = system.n_own, system.nx, layout.copied, layout.at_copies
-        places = self._own_places(n, nu)
+        places = own.all_columns(n, nu)
         # How the system's own entries and the parameters follow from entries of the extended system.
         count = len(self.changing)
         kept = (places[:, None] == copied) | (places[:, None] == n + nu + copied)
@@ -53,12 +53,6 @@ class ExtendedQuantity(QuantityView):
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002 - those of the extended system
         """Return the places of the system's own entries, of the parameters, and of what is kept of the first state."""
         return self._columns
-
-    def instants(self, k: Instants) -> Instants:
-        return k
-
-    def apart(self, other: Quantity, k: Instants) -> Array | None:
-        return wholes_apart(self, other, k)
 
     def values(self, at: Samples) -> Array:
         own, values = self._split(at)
@@ -112,13 +106,6 @@ class ExtendedQuantity(QuantityView):
     def _moved(self, H: Array) -> Array:
         return H if self._moves is None else np.asarray(self._moves.T @ H @ self._moves)
 
-    def _own_places(self, n: int, nu: int) -> Instants:
-        """Return the places in the system's own ``(x, u, x_next)`` in which the quantity gives its derivatives."""
-        places = self.whole.columns(n, nu)
-        if places is not None:
-            return places
-        return np.arange(n if self.of_state else 2 * n + nu if self.looks_ahead else n + nu)
-
     def _split(self, at: Samples) -> tuple[Samples, Array]:
         """Return what the system's own quantity is given, and the parameters (P,)."""
         x_next = self.system.own(at.x_next) if at.x_next.shape[1] else at.x_next
@@ -135,9 +122,6 @@ class QuantityOfUnknowns(QuantityElsewhere):
         super().__init__(whole)
         self.places, self.by_entries = np.arange(system.n_own, system.layout.at_copies), False
         self.changes = np.arange(system.d_own, system.d_own + len(system.names))
-
-    def instants(self, k: Instants) -> Instants:
-        return k
 
     def columns(self, nx: int, nu: int) -> Instants:  # noqa: ARG002 - those of the parameters
         return self.changes

@@ -54,9 +54,7 @@ def line_to(system: DiscreteSystem, x: Array, wanted: Array | None, rows: Sequen
         missed, slopes = [], []
         for each in equations:
             missed.append(each.bounds[each.k == N][0] - each.quantity.values(at)[0])
-            whole = np.zeros((len(missed[-1]), ndx))
-            whole[:, each.columns(ndx, 0)] = each.quantity.jacobian(at)[0]
-            slopes.append(whole)
+            slopes.append(each.quantity.whole_jacobian(at, ndx, 0)[0])
         last = moved_by(space, last, np.linalg.lstsq(np.concatenate(slopes), np.concatenate(missed), rcond=None)[0])
     part = np.linspace(0.0, 1.0, N + 1)[:, None]
     return read_only(moved_by(space, np.tile(x, (N + 1, 1)), part * apart(space, last, x)))

@@ -39,7 +39,7 @@ def skeleton(mechanism: Mechanism, q: Array) -> Skeleton:
     ``q`` (N, nq): where it is seen.
     """
     frames = mechanism.tree.frames
-    places = mechanism.positions(q)
+    places = mechanism.positions(q, list(mechanism.tree.index))
     seen_alone = _tips(mechanism)
     lengths = {}
     for i, at in enumerate(frames[1:], start=1):

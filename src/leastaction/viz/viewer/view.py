@@ -113,16 +113,16 @@ class View:
             The file could not be written; nothing was changed.
         """
         from leastaction.viz.viewer.gltf import glb
-        from leastaction.viz.viewer.movies import gif, mp4, png
+        from leastaction.viz.viewer.movies import Painted, gif, mp4, png
 
         if size is not None:
             size = _pixels(size)
-        still, moving = size or (1200, 800), size or (720, 480)
+        still, moving, how = size or (1200, 800), size or (720, 480), Painted(dark, self.joints, self.forces)
         made: dict[str, Callable[[], bytes]] = {
             ".html": lambda: self.page().encode("utf-8"),
-            ".png": lambda: png(self.scenes, at=at, size=still, dark=dark, joints=self.joints, forces=self.forces),
-            ".gif": lambda: gif(self.scenes, size=moving, fps=fps, dark=dark, joints=self.joints, forces=self.forces),
-            ".mp4": lambda: mp4(self.scenes, size=moving, fps=fps, dark=dark, joints=self.joints, forces=self.forces),
+            ".png": lambda: png(self.scenes, how, at=at, size=still),
+            ".gif": lambda: gif(self.scenes, how, size=moving, fps=fps),
+            ".mp4": lambda: mp4(self.scenes, how, size=moving, fps=fps),
             ".glb": lambda: glb(self.scenes),
         }
         ending = Path(path).suffix.lower()

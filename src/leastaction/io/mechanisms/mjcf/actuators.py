@@ -15,10 +15,11 @@ import numpy as np
 from leastaction.io.mechanisms.mjcf.found import Found
 from leastaction.io.mechanisms.mjcf.muscles import Bare, inertia_along, muscle
 from leastaction.io.mechanisms.mjcf.places import Places
-from leastaction.io.mechanisms.mjcf.scalars import Along, of_joint, of_tendon
+from leastaction.io.mechanisms.mjcf.scalars import Along, of_joint, of_rotation, of_tendon
 from leastaction.io.mechanisms.mjcf.spec import is_limited, mujoco_module
 from leastaction.io.mechanisms.model import LeftOut
 from leastaction.io.mechanisms.names import Names
+from leastaction.io.mechanisms.parts import JointPart
 from leastaction.mechanics import Armature, BodyWrench, JointForce, NonlinearDamping, Servo, TendonForce
 from leastaction.mechanics.elements import Element
 from leastaction.optimal import Bound
@@ -52,6 +53,8 @@ def elements_of_actuators(spec: Any, names: Names, bare: Bare) -> Found:
             found = list(_elements(actuator, name, u, read))
         except _LeftOutError as error:
             read.left_out.append(LeftOut(f"actuator {name!r}", str(error)))
+            found = []
+        if not found:
             inputs.append(None)
             continue
         elements += found
@@ -96,10 +99,14 @@ def _word(kind: Any) -> str:
 def _transmission(actuator: Any, read: _ActuatorReader) -> Along:
     """Return the length of an actuator as MuJoCo counts it; raise where it has none here."""
     kinds = mujoco_module().mjtTrn
-    along = None
+    along, gear = None, float(actuator.gear[0])
     if actuator.trntype in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
-        along = of_joint(actuator.target, read.names)
-        what = f"the joint {actuator.target!r} is a ball or a free one"
+        joint = read.names.joints.get(actuator.target)
+        if joint is not None and joint.kind in ("ball", "free"):
+            along, gear = _on_rotation(actuator, joint), 1.0
+        else:
+            along = of_joint(actuator.target, read.names)
+        what = f"there is no joint {actuator.target!r} that moves"
     elif actuator.trntype == kinds.mjTRN_TENDON:
         along = of_tendon(actuator.target, read.spec, read.names, read.places)
         what = f"the tendon {actuator.target!r} goes by a ball or a free joint"
@@ -110,12 +117,23 @@ def _transmission(actuator: Any, read: _ActuatorReader) -> Along:
         }.get(actuator.trntype, "its transmission is not known")
     if along is None:
         raise _LeftOutError(what)
-    gear = float(actuator.gear[0])
-    if gear == 0.0:
+    if gear == 0.0 or not along.terms:
         raise _LeftOutError("its gear is zero")
     if not along.moves:
         raise _LeftOutError(f"nothing moves {actuator.target!r}")
     return along.times(gear)
+
+
+def _on_rotation(actuator: Any, joint: JointPart) -> Along:
+    """Return what a motor of a ball or a free joint acts along; raise where there is no such thing here."""
+    mujoco = mujoco_module()
+    if joint.axes != "quaternion":
+        raise _LeftOutError(f"the {joint.kind} joint {joint.name!r} has three angles here, and its axes are the link's")
+    if actuator.trntype == mujoco.mjtTrn.mjTRN_JOINTINPARENT:
+        raise _LeftOutError(f"its axes are those before the {joint.kind} joint {joint.name!r}, not behind it")
+    if actuator.gaintype != mujoco.mjtGain.mjGAIN_FIXED or actuator.biastype != mujoco.mjtBias.mjBIAS_NONE:
+        raise _LeftOutError(f"a servo needs a length, and the {joint.kind} joint {joint.name!r} has none")
+    return of_rotation(joint, actuator.gear)
 
 
 def _affine(actuator: Any, name: str, u: str, along: Along, read: _ActuatorReader) -> Element:

@@ -54,6 +54,10 @@ def muscle(
     low, high = map(float, actuator.lengthrange)
     if low == high:
         low, high = _range_of(along, names, bare)
+        if high - low <= 1e-9 * abs(high):
+            why = f"its tendon has {low:.4g} m wherever its joints are within their limits; it needs a lengthrange"
+            left_out.append(LeftOut(f"actuator {name!r}", why))
+            return
         why = f"it is found by {SAMPLES} samples of the joints' limits: {low:.4g} to {high:.4g} m"
         left_out.append(LeftOut(f"lengthrange of the actuator {name!r}", why))
     force = part.force
@@ -133,7 +137,7 @@ def _range_of(along: Along, names: Names, bare: Bare) -> tuple[float, float]:
         value, (low, high) = names.values[name], names.joints[name].range
         if value.plain and low is not None and high is not None:
             share = rng.uniform(-0.2, 1.2, SAMPLES).clip(0.0, 1.0)  # many of them at the limits
-            q[:, m.variables.index(value.names[0])] = low + (high - low) * share
+            q[:, m.coordinates.index(value.names[0])] = low + (high - low) * share
     lengths = np.asarray(m.constraint_residuals(q)["length"]) + 1.0
     return float(lengths.min()), float(lengths.max())
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -13,6 +13,8 @@ from leastaction.io.mechanisms.mjcf.places import Places
 from leastaction.io.mechanisms.mjcf.spec import mujoco_module, pose_in_body
 from leastaction.io.mechanisms.model import LeftOut
 from leastaction.io.mechanisms.names import Names
+from leastaction.io.mechanisms.parts import JointPart
+from leastaction.io.mechanisms.rotations import variables_of
 from leastaction.mechanics.description.affine import Affine
 
 Terms = Mapping[str, float] | Mapping[tuple[str, ...], float]
@@ -63,6 +65,15 @@ def of_joint(name: str, names: Names) -> Along | None:
         return None
     reference = next(joint.reference for joint in names.all_joints if joint.name == name)
     return _of_value(names.values[name], reference, names)
+
+
+def of_rotation(joint: JointPart, gear: Sequence[float]) -> Along:
+    """Return what a motor of a ball or a free joint acts along: its velocities by ``gear``, as the file counts them.
+
+    It has a rate only: MuJoCo's motors act along the axes of the link, of which no length is the integral.
+    """
+    names = variables_of(joint)
+    return Along({n: float(g) for n, g in zip(names, gear, strict=False) if g}, 0.0, 0.0, frozenset({joint.name}))
 
 
 def of_tendon(name: str, spec: Any, names: Names, places: Places) -> Along | None:

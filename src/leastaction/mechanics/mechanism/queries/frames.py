@@ -95,7 +95,7 @@ def positions(m: Compiled, q: Row, names: Sequence[str] | None = None) -> Array:
         Metres.
     """
     values, one = batch(m, q)
-    indices = [frame_index(m, name) for name in (m.tree.index if names is None else as_names(names, "names", "frames"))]
+    indices = [frame_index(m, name) for name in (m.frames if names is None else as_names(names, "names", "frames"))]
     return shaped(origins_of(m.tree, indices, m.core.joint_poses(values)), one)
 
 

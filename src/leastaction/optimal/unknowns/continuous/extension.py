@@ -145,9 +145,7 @@ class ContinuousExtension:
     @property
     def _gapped(self) -> Gapped:
         """When pieces may have gaps: a motion that may last longer or shorter leaves the curve that was given."""
-        settings = self.settings
-        tries = settings.method == "auto" and settings.shooting == "auto" and settings.projection is None
-        if not tries or settings.regulator == "lqr" or "gaps" in settings.without:
+        if not self.settings.tries_gaps:
             return "never"
         return "where left" if self.system.time_at is None else "at once"
 
