@@ -234,6 +234,11 @@ def _wanted(
             numbers = {name: given.pop(name) for name in each.quaternion}
             given[each.name] = _quaternions(numbers, len(times))
     plain, turns = [name for name in m.variables if name in m.coordinates], [each.name for each in m.tree.rotations]
+    for frame in m.frames:
+        axes = [f"{frame}.{axis}" for axis in "xyz"]
+        if given.keys() >= set(axes) and not set(axes) & set(plain):
+            rows = [as_wanted(given.pop(axis), f"motion: {axis!r}", (len(times),)) for axis in axes]
+            given[frame] = np.stack(rows, axis=1)
     found = {}
     for name, values in given.items():
         if name not in plain and name not in m.frames and name not in turns:
