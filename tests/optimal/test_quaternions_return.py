@@ -218,18 +218,3 @@ def test_mistakes_are_named() -> None:
         asked(Periodic(["hull.qx"]))
     with pytest.raises(ArgumentError, match=r"offset: got 'hull\.qw'"):
         asked(Periodic("*", offset={"hull.qw": 0.1}))
-
-
-@pytest.mark.parametrize("names", [["hull"], ["hull", "p_hull"], ["p_hull", "rail"]])
-def test_a_joint_is_meant_by_its_name(names: list[str]) -> None:
-    """What is free at the start, and what returns, as by the names of all its coordinates and momenta."""
-    system = MidpointSystem(MidpointVI(HULL, threads=1), np.linspace(0.0, 1.0, 5))
-    each = {"hull": [f"hull.q{x}" for x in "wxyz"], "p_hull": [f"p_hull.w{x}" for x in "xyz"], "rail": ["rail"]}
-    spelt = [one for name in names for one in each[name]]
-    assert system.free_entries(names) == system.free_entries(spelt)
-    assert Periodic(names).entries(system) == Periodic(spelt).entries(system)
-    x = MidpointVI(HULL).start([0.0, 1.0, 0.0, 0.0, 0.0]).x
-    directions = 3 * ("hull" in names) + 3 * ("p_hull" in names) + ("rail" in names)
-    assert system.start_directions(x, names).shape == (system.ndx, directions)
-    with pytest.raises(ArgumentError, match="unknown name 'hul'; did you mean"):
-        system.free_entries(["hul"])
