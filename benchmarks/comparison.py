@@ -29,9 +29,11 @@ from leastaction.mechanics.continuous.dynamics import ContinuousDynamics  # noqa
 from leastaction.mechanics.continuous.legendre import to_momentum  # noqa: E402
 from leastaction.mechanics.continuous.simulation import simulate  # noqa: E402
 from leastaction.viz import new_figure, save_png, styled  # noqa: E402
+from leastaction.viz.figures import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, VERMILION  # noqa: E402
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 REPEATS = 3
+COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, INK, GREY)
 LOST = 1e3
 """(rad or m) beyond which a motion counts as lost."""
 SAMPLES = 20
@@ -128,9 +130,9 @@ def _midpoint(problem: Problem, steps: int) -> tuple[float, Motion]:
     vi = MidpointVI(m, threads=1)
     start = vi.start(problem.q0, problem.v0)
     t = np.linspace(0.0, problem.end, steps + 1)
-    begin = time.perf_counter()
+    begin = time.process_time()
     run = vi.simulate(start, t)
-    seconds = time.perf_counter() - begin
+    seconds = time.process_time() - begin
     at = np.linspace(0, steps, SAMPLES + 1).round().astype(int)
     q = np.full((SAMPLES + 1, m.nq), np.nan)
     q[at <= run.steps] = run.q[at[at <= run.steps]]
@@ -152,7 +154,7 @@ def _runge_kutta(problem: Problem, steps: int) -> tuple[float, Motion]:
 
     x = np.concatenate([problem.q0, problem.v0])
     kept, every = [x], steps // SAMPLES
-    begin = time.perf_counter()
+    begin = time.process_time()
     for k in range(steps):
         k1 = rate(x)
         k2 = rate(x + 0.5 * dt * k1)
@@ -160,7 +162,7 @@ def _runge_kutta(problem: Problem, steps: int) -> tuple[float, Motion]:
         x = x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rate(x + dt * k3))
         if (k + 1) % every == 0:
             kept.append(x)
-    seconds = time.perf_counter() - begin
+    seconds = time.process_time() - begin
     states = np.array(kept)
     return seconds, Motion(states[:, :nq], states[:, nq:])
 
@@ -168,11 +170,11 @@ def _runge_kutta(problem: Problem, steps: int) -> tuple[float, Motion]:
 def _scipy(problem: Problem, method: str, rtol: float) -> tuple[float, Motion]:
     """With every step projected onto the constraints."""
     t = problem.samples(SAMPLES)
-    begin = time.perf_counter()
+    begin = time.process_time()
     run = simulate(
         problem.mechanism, problem.q0, problem.v0, t, method=method, rtol=rtol, atol=rtol, dense_output=False
     )  # fmt: skip
-    seconds = time.perf_counter() - begin
+    seconds = time.process_time() - begin
     if len(run.t) < len(t):
         raise RuntimeError(run.message)
     return seconds, Motion(run.q, run.v)
@@ -194,9 +196,9 @@ def _mujoco(mujoco: Any, problem: Problem, integrator: str, steps: int) -> tuple
     v[0] = problem.v0
     seconds = 0.0
     for k in range(SAMPLES):
-        begin = time.perf_counter()
+        begin = time.process_time()
         mujoco.mj_step(model, data, nstep=steps // SAMPLES)
-        seconds += time.perf_counter() - begin
+        seconds += time.process_time() - begin
         q[k + 1, : m.nd], v[k + 1, : m.nd] = data.qpos[places], data.qvel[speeds]
     return seconds, Motion(q, v)
 
@@ -212,10 +214,10 @@ def draw(problem: Problem, points: list[Point]) -> Figure:
         ("energy", "energy lost or gained (relative)"),
     ]
     if problem.free is not None:
-        panels.append(("momentum", "momentum lost or gained, no gravity (relative)"))
+        panels.append(("momentum", "momentum lost or gained (relative)"))
     if problem.mechanism.nc:
         panels.append(("drift", f"constraints off by ({problem.drift_unit})"))
-    figure = new_figure(3.0 * len(panels), 3.4)
+    figure = new_figure(3.2 * len(panels), 3.6)
     for axes, (field, label) in zip(figure.subplots(1, len(panels)), panels, strict=True):
         for i, method in enumerate(dict.fromkeys(p.method for p in points)):
             mine = [p for p in points if p.method == method]
@@ -224,7 +226,7 @@ def draw(problem: Problem, points: list[Point]) -> Figure:
             y = np.where(np.isfinite(y), np.maximum(y, 1e-17), np.nan)
             style = "--" if "MuJoCo" in method else "-"
             axes.loglog(
-                [1e3 * p.seconds for p in mine], y, style, marker="osD^vPX"[i], ms=4, label=method, color=f"C{i}"
+                [1e3 * p.seconds for p in mine], y, style, marker="osD^vPX"[i], ms=4, label=method, color=COLOURS[i]
             )  # fmt: skip
         axes.set_xlabel("time spent (ms)")
         axes.set_ylabel(label)
@@ -260,6 +262,7 @@ def main() -> int:
     for name in arguments.only or PROBLEMS:
         problem = PROBLEMS[name]()
         points = measure(problem, arguments.quick)
+        arguments.images.mkdir(parents=True, exist_ok=True)
         save_png(draw(problem, points), arguments.images / f"comparison_{name}.png", dpi=110)
         print(f"\n### {problem.title}\n\n{table(points)}")
     return 0

@@ -113,9 +113,9 @@ def test_a_mechanism_loads_neither_the_optimiser_nor_scipy() -> None:
     assert not [name for name in loaded if name.startswith(("leastaction.optimal.", "leastaction.systems.", "scipy"))]
 
 
-def test_what_a_first_script_imports_costs_at_most_three_times_numpy_and_scipy() -> None:
+def test_what_a_first_script_imports_costs_a_few_times_numpy_and_scipy() -> None:
     # Measured: the package 0.03, numpy with SciPy's linear algebra 1, these three names 2.4 without bytecode and 1.3
-    # with it; everything in the package 3.4.
+    # with it; everything in the package 3.4. The oldest numpy and SciPy load in two thirds: 3.8 and 2.4.
     code = (
         "import os, subprocess, sys\n"
         "def seconds(what):\n"
@@ -131,4 +131,4 @@ def test_what_a_first_script_imports_costs_at_most_three_times_numpy_and_scipy()
     package, names = map(float, fresh(code).split())
     print(package, names)
     assert package < 0.5
-    assert names < 4.0
+    assert names < 5.0

@@ -289,3 +289,5 @@ def test_frames_within_a_rotation_are_told_to_nobody() -> None:
         m.with_elements([LinearSpring("quite another", "leg", 1.0)])
     with pytest.raises(DescriptionError, match=r"massless joint 'hip': by 'hip.wx' it turns what hangs on it"):
         Mechanism([ball("hip", name="leg", mass=1.0)], [])
+    with pytest.raises(DescriptionError, match=r"massless joint 'hip': .* where nothing has a mass"):
+        Mechanism([ball("hip", name="leg")], [])

@@ -376,7 +376,7 @@ def test_strings_are_tied_loosely_with_longer_steps(monkeypatch: pytest.MonkeyPa
     run = track(marionette(strings="cross+legs"), motion)
     assert run.result.success
     assert set(ends) == {25, 50}
-    assert max(ends[25]) < FIRM[0] <= min(ends[50])
+    assert max(ends[25]) == FIRM[0] <= min(ends[50])
     assert len(run.result.u) == len(run.trajectory.t) - 1 == 50
     assert np.ptp(string_lengths(run.mechanism, run.trajectory.q), axis=0).max() < 1e-9
     assert run.tension.min() >= _LEAST
@@ -407,7 +407,7 @@ def test_strings_that_vary_by_less_than_a_millimetre_are_settled(monkeypatch: py
     assert run.tension.min() >= _LEAST
 
 
-@pytest.mark.parametrize(("dt", "after"), [(0.02, 1), (0.02, 10), (0.01, 1), (0.01, 6)])
+@pytest.mark.parametrize(("dt", "after"), [(0.02, 1), (0.02, 3), (0.01, 1), (0.01, 6)])
 def test_what_is_found_while_strings_are_tied_is_kept_and_gone_on_with(
     dt: float, after: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -444,21 +444,14 @@ def test_what_is_found_while_strings_are_tied_is_kept_and_gone_on_with(
         track(marionette(), motion, resume=replace(search, mechanism=marionette()))
 
 
-@pytest.mark.parametrize(("optimisations", "gains"), [(1, 0.1), (4, None)])
-def test_a_motion_on_which_strings_cannot_be_tied_ends_in_an_answer(
-    optimisations: int, gains: float | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As where a search ends at the edge of what a step of time can follow.
-
-    Gone on with, it comes nearer to the motion by a fifth of a degree; after four optimisations strings vary by half a
-    millimetre, and nothing is left to gain.
-    """
+def test_a_motion_on_which_strings_cannot_be_tied_ends_in_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where a search ends at the edge of what a step of time can follow. Gone on with, hardly more is gained."""
     made, whole = 0, tying.improved
 
     def improved(tracker: Tracker) -> tuple[Tracker, OptimizationResult]:
         nonlocal made
         made += 1
-        if made > optimisations:
+        if made > 1:
             raise ProjectionError("lost")
         return whole(tracker)
 
@@ -476,10 +469,7 @@ def test_a_motion_on_which_strings_cannot_be_tied_ends_in_an_answer(
     again = track(run.mechanism, run.motion, resume=run)
     assert again.tension.min() >= _LEAST
     assert again.result.success
-    if gains is None:
-        assert again.held_error == pytest.approx(run.held_error, abs=0.03)
-    else:
-        assert again.held_error < run.held_error - gains
+    assert again.held_error == pytest.approx(run.held_error, abs=0.03)
 
 
 def test_what_is_still_to_be_tied_need_not_be_a_minimum(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -492,12 +482,12 @@ def test_what_is_still_to_be_tied_need_not_be_a_minimum(monkeypatch: pytest.Monk
 
     whole = tying.with_lengths_of
     monkeypatch.setattr(tying, "with_lengths_of", with_lengths_of)
-    monkeypatch.setattr(Pace, "creeps", lambda *_: len(tied) < 2)
+    monkeypatch.setattr(Pace, "creeps", lambda *_: not tied)
     said: list[str] = []
     run = track(marionette(strings="cross+legs"), walk_in_place(0.4, 0.02), progress=said.append)
-    assert [result.iterations for result in tied[:2]] == [0, 0]
-    assert all(result.status is Status.ITERATION_LIMIT for result in tied[:2])
-    assert not any("larger parts" in line or "hangs still" in line for line in said)
+    assert tied[0].iterations == 0
+    assert tied[0].status is Status.ITERATION_LIMIT
+    assert not any("is held still" in line for line in said)
     assert run.result.success
 
 

@@ -19,7 +19,7 @@ from leastaction_marionette.tracking.pace import Pace
 from leastaction_marionette.tracking.plan import TrackingPlan
 from leastaction_marionette.tracking.poses import at_rest, held_still
 from leastaction_marionette.tracking.problem import TrackingProblem
-from leastaction_marionette.tracking.ties import FIRM, LEAST_WEIGHT, LOOSE
+from leastaction_marionette.tracking.ties import FIRM, LEAST_WEIGHT
 from leastaction_marionette.tracking.tracker import Tracker
 from leastaction_marionette.tracking.tying import on_one_bar
 from marionette.motions import PUPPET, captured
@@ -204,7 +204,6 @@ def test_where_nothing_is_found_from_a_puppet_held_still_it_has_its_own_steps(mo
     assert len(run.result.u) == 50
     assert not run.result.success
     assert run.tension.min() >= 0.5
-    assert "held still" in run.result.message
 
 
 @pytest.mark.parametrize("fails", [1, 2])
@@ -249,7 +248,7 @@ def test_optimisations_on_bars_that_lead_on_end_where_they_creep(monkeypatch: py
     motion = walk_in_place(0.5, 0.02)
     track(marionette(strings="cross+legs"), motion)
     track(marionette(strings=7), motion, planned=True)
-    assert {min(LOOSE), *FIRM, np.inf} <= set(weights)
+    assert {LEAST_WEIGHT, *FIRM, np.inf} <= set(weights)
     for pace, weight in zip(paces, weights, strict=True):
         assert pace == (0.002 if weight < FIRM[0] else 0.005 if weight < FIRM[-1] else 0.0)
 

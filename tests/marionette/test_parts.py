@@ -155,7 +155,7 @@ def test_where_parts_cannot_be_joined_it_begins_with_a_puppet_that_hangs(monkeyp
     monkeypatch.setattr(parts, "joined", apart)
     said: list[str] = []
     run = track(PUPPET, walk_in_place(5.0, 0.02), progress=said.append, **OPTIONS)
-    assert any("begins with a puppet that hangs still" in line for line in said)
+    assert any("begins with a puppet that is held still" in line for line in said)
     assert run.tension.min() >= 0.0
 
 
@@ -184,7 +184,7 @@ def test_gaps_between_parts_are_closed(iterations: int, monkeypatch: pytest.Monk
 @pytest.mark.usefixtures("three_parts")
 def test_ctrl_c_while_parts_are_joined_keeps_them_all(monkeypatch: pytest.MonkeyPatch) -> None:
     def stopped(*arguments: object, **options: object) -> OptimizationResult:
-        if options["shooting"] == "single":
+        if options["shooting"] == "auto":
             return optimize(*arguments, **options)
         found = optimize(*arguments, **options | {"max_iterations": 0})
         return replace(found, status=Status.INTERRUPTED)

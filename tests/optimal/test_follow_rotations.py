@@ -8,6 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from leastaction import BodyWrench, Gravity, JointForce, Mechanism, ball, follow, free, rx, ry, rz, tz
 from leastaction.errors import ArgumentError
+from leastaction.io import Motion
+from leastaction.mechanics import MidpointVI
+from leastaction.optimal import QuadraticCost, check_derivatives
+from leastaction.systems import MidpointSystem, OrientationCost
 
 T = np.linspace(0.0, 1.0, 51)
 BODY = {"mass": 0.5, "inertia": (2e-3, 3e-3, 4e-3)}
@@ -62,7 +66,61 @@ def test_what_is_no_rotation_is_told() -> None:
         follow(m, {"shoulder": np.tile([2.0, 0.0, 0.0, 0.0], (51, 1))}, t=T)
     with pytest.raises(ArgumentError, match="motion: 'hand': got a matrix that is no rotation"):
         follow(m, {"hand": np.tile(np.diag([1.0, 1.0, 2.0]), (51, 1, 1))}, t=T)
-    with pytest.raises(ArgumentError, match="got NaN, expected a rotation at every instant"):
+    with pytest.raises(ArgumentError, match="motion: 'hand': got part of a rotation at t = 0 s, expected whole"):
         follow(m, {"hand": np.tile(np.diag([1.0, 1.0, np.nan]), (51, 1, 1))}, t=T)
     with pytest.raises(ArgumentError, match="nothing is called 'shuolder'"):
         follow(m, {"shuolder": np.zeros((51, 4))}, t=T)
+
+
+def test_rotations_with_gaps_are_followed_through_what_is_known() -> None:
+    """Of a joint by its quaternion and of a frame by its own, as of markers that were hidden for a while."""
+    m = Mechanism([free("body", **BODY)], [BodyWrench("body", tuple("xyz"), tuple("abc"))])
+    whole = Rotation.from_rotvec(ROUND[:, None] * [0.0, 0.6, 0.8])
+    quaternions = np.roll(whole.as_quat(), 1, axis=1)
+    hidden = (T > 0.3) & (T < 0.5)
+    gappy, matrices = quaternions.copy(), whole.as_matrix()
+    gappy[hidden], matrices[hidden] = np.nan, np.nan
+    tail = Mechanism([free("body", **BODY), [tz(0.1, name="tail")]], [BodyWrench("body", tuple("xyz"), tuple("abc"))])
+    for machine, name, given in ((m, "body", gappy), (tail, "tail", gappy), (tail, "tail", matrices)):
+        found = follow(machine, {name: given}, {name: 100.0}, t=T)
+        assert found.result.success
+        assert found.errors[name] < 0.01
+        assert np.isnan(found.wanted[name][hidden]).all()
+        made = Rotation.from_quat(np.roll(found.result.x[:, 3:7], -1, axis=1))
+        off = (whole.inv() * made).magnitude()
+        assert off[hidden].max() < 0.1  # the way that costs least is near what was hidden
+    # Of keyframes all but a few instants.
+    keys = np.full_like(quaternions, np.nan)
+    keys[[0, 25, 50]] = quaternions[[0, 25, 50]]
+    found = follow(m, {"body": keys}, {"body": 100.0}, t=T)
+    assert found.result.success
+    assert found.errors["body"] < 0.01
+
+
+def test_a_price_on_orientations_has_none_where_they_are_left_out() -> None:
+    m = shoulder()
+    system = MidpointSystem(MidpointVI(m), T)
+    rng = np.random.default_rng(2)
+    R = Rotation.from_rotvec(rng.standard_normal((51, 3))).as_matrix()
+    R[10:20] = np.nan
+    rest = np.eye(system.nx)[0]
+    still = QuadraticCost(rest, np.zeros(4), Q=np.zeros(system.ndx), R=np.ones(4), space=system)
+    cost = OrientationCost(still, system, {"hand": R}, {"hand": [1.0, 2.0, 3.0]})
+    x = np.tile(system.integrator.start(m.configuration({"elbow": 0.7})).x, (51, 1))
+    u = rng.standard_normal((50, 4))
+    prices = cost.stage_values(x[:50], u, 0) - still.stage_values(x[:50], u, 0)
+    assert np.flatnonzero(np.abs(prices) < 1e-12).tolist() == list(range(10, 20))
+    part = cost.window(15, 30, N=50, nu=4)
+    np.testing.assert_allclose(part.stage_values(x[15:30], u[15:30], 0), cost.stage_values(x[:50], u, 0)[15:30])
+    x = system.rollout(x[0], x, 0.1 * u, np.zeros((50, 4, system.ndx)), 0, 50).x
+    assert check_derivatives(system, x, 0.1 * u, cost=cost).ok
+
+
+def test_a_motion_has_quaternions_by_their_numbers() -> None:
+    m = shoulder()
+    swing = np.roll(Rotation.from_rotvec(ROUND[:, None] * [0.3, 0.4, 0.0]).as_quat(), 1, axis=1)
+    coarse = Motion(m.coordinates, T[::5], np.hstack([swing, 0.5 - 0.5 * np.cos(ROUND)[:, None]])[::5])
+    found = follow(m, coarse.resample(0.02), {"shoulder": 100.0, "elbow": 100.0})
+    assert found.result.success
+    assert set(found.errors) == {"shoulder", "elbow"}
+    assert found.errors["shoulder"] < 0.05

@@ -175,6 +175,14 @@ def on_a_mesh_from_anywhere() -> Problem:
     return continuous(limits=[Bound("push", -10.0, 10.0)], free_start=["pole"])
 
 
+def too_short_on_a_mesh() -> Problem:
+    """A horizon in which nothing can be reached: it begins again."""
+    system = LinearContinuousSystem([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]])
+    cost = ContinuousQuadraticCost([0.0, 0.0], [0.0], Q=[0.0, 0.0], R=[0.1])
+    options = {"limits": [Bound("u[0]", -1.0, 1.0), Equal(["x[0]", "x[1]"], [1.0, 0.0])], "horizon": (0.0, 0.1)}
+    return system, cost, (np.zeros(2), np.zeros(1)), {**options, "unknowns": [FinalTime(price=1.0)]}
+
+
 def bryson_and_denham() -> Problem:
     system = LinearContinuousSystem([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]])
     cost = ContinuousQuadraticCost([0.0, 0.0], [0.0], Q=[0.0, 0.0], R=[1.0])
@@ -186,7 +194,7 @@ def bryson_and_denham() -> Problem:
     "make",
     [
         cart, limited, past_obstacles, infeasible, free, in_least_time, returning, with_gaps, gaps_and_limits, resolved,
-        on_a_mesh, on_a_mesh_within_limits, on_a_mesh_from_anywhere, bryson_and_denham,
+        on_a_mesh, on_a_mesh_within_limits, on_a_mesh_from_anywhere, bryson_and_denham, too_short_on_a_mesh,
     ],
 )  # fmt: skip
 def test_problems_of_each_kind(make: Callable[[], Problem], tmp_path: Path) -> None:

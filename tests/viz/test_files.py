@@ -235,8 +235,8 @@ def test_a_still_picture_needs_nothing_else() -> None:
         "for name in ('matplotlib', 'PIL', 'imageio', 'imageio_ffmpeg', 'trimesh'): sys.modules[name] = None\n"
         "from leastaction import Mechanism, rz, show\n"
         "m = Mechanism([rz('a', mass=1.0, inertia=[0.1] * 3)])\n"
-        "from leastaction.viz.viewer.movies import png\n"
-        "print(len(png(show(m).scenes, at=None, size=(64, 48), dark=False, joints=True, forces=True)))"
+        "from leastaction.viz.viewer.movies import Painted, png\n"
+        "print(len(png(show(m).scenes, Painted(joints=True, forces=True), at=None, size=(64, 48))))"
     )
     done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -132,6 +132,12 @@ def _coefficients(phi: Array) -> tuple[Array, Array]:
     return np.where(near, series, c), np.where(near, slope_series, slope)
 
 
+def matrix(q: Array) -> Array:
+    """Return the matrices (..., 3, 3) of unit quaternions."""
+    S = crossing(q[..., 1:])
+    return np.asarray(np.eye(3) + 2.0 * q[..., :1, None] * S + 2.0 * (S @ S))
+
+
 def of_matrix(R: Array) -> Array:
     """Return the unit quaternions (..., 4) of rotation matrices (..., 3, 3)."""
     xx, yy, zz = np.moveaxis(np.diagonal(R, axis1=-2, axis2=-1), -1, 0)

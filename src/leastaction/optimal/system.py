@@ -43,6 +43,7 @@ FINAL_TIME = "final time"
 
 _NOTHING: Mapping[str, float] = MappingProxyType({})
 _NO_KINDS: Mapping[str, str] = MappingProxyType({})
+_TURNS = ".[qw][wxyz]"  # pattern of the entries of a rotation that is a quaternion, behind its name
 
 
 @public
@@ -255,6 +256,8 @@ class System(ABC):
     def free_entries(self, free: Sequence[str], what: str = "free_start") -> list[int]:
         """Return the places of the entries of the state with these names; `what` they are given for, in messages.
 
+        The name of a joint that is a rotation means its quaternion, and with ``"p_"`` or ``"v_"`` its momenta or rates.
+
         Raises
         ------
         ArgumentError
@@ -262,7 +265,7 @@ class System(ABC):
         """
         places: set[int] = set()
         for pattern in free:
-            found = matching(self.state_names, pattern)
+            found = matching(self.state_names, pattern) or matching(self.state_names, f"{pattern}{_TURNS}")
             if not found:
                 known = closest(pattern, self.state_names, what="entries of the state")
                 raise ArgumentError(f"{what}: unknown name {pattern!r}; {known}")

@@ -17,7 +17,7 @@ from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory
 from leastaction.mechanics.discrete.midpoint import MidpointVI
 from leastaction.mechanics.discrete.sensitivity import start_by, velocity_by
 from leastaction.mechanics.elements.units import rate_of
-from leastaction.mechanics.mechanism.arguments import unturned
+from leastaction.mechanics.mechanism.arguments import state_by_name
 from leastaction.mechanics.mechanism.kinematics import Kinematics
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.units import input_units, state_units
@@ -272,7 +272,7 @@ class MechanismSystem(ContinuousSystem):
 
     def own_state(self, given: Any) -> Row | None:
         """Return numbers by name, with what is not turned."""
-        return unturned(self.mechanism) | dict(given) if isinstance(given, Mapping) else None
+        return state_by_name(self.mechanism, given) if isinstance(given, Mapping) else None
 
     def own_moved_start(self, x: Array, dx: Array) -> Array:
         """Return an initial state moved along its directions, and brought back onto the constraints."""

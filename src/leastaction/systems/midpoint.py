@@ -27,7 +27,7 @@ from leastaction.mechanics.discrete.outcome import quality_of, step_error
 from leastaction.mechanics.discrete.sensitivity import start_by
 from leastaction.mechanics.discrete.step_sensitivity import StepSensitivity, by_time_step, steps_by
 from leastaction.mechanics.discrete.trajectory import State, Trajectory
-from leastaction.mechanics.mechanism.arguments import unturned
+from leastaction.mechanics.mechanism.arguments import state_by_name
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.queries.units import input_units, multiplier_units, state_units
 from leastaction.mechanics.mechanism.turns import differences
@@ -207,7 +207,7 @@ class MidpointSystem(DiscreteSystem):
     def own_state(self, given: Any) -> Row | None:
         """Return the numbers of a `State`, or by name with what is not turned; multipliers of no step are zero."""
         if isinstance(given, Mapping):
-            return unturned(self.mechanism) | dict(given)
+            return state_by_name(self.mechanism, given)
         bare = given.x if isinstance(given, State) else given
         if self.multipliers and np.shape(bare) == (self.mechanism.nx,):
             return np.concatenate([bare, np.zeros(self.mechanism.nc)])

@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from leastaction.errors import ArgumentError
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.numerics import rotations
-from leastaction.numerics.arrays import Array, as_array, read_only
+from leastaction.numerics.arrays import Array, as_array, as_wanted, read_only
 from leastaction.optimal.quantity import Instants
 
 Orientation = ArrayLike | Callable[[float], ArrayLike]
 
 _ALL = slice(None)
+_ONE, _MEANS, _EACH = ((3, 3), (4,)), "a matrix or a unit quaternion, scalar first", ", or one for each instant"
 _OFF = 1e-6  # by which the columns of a rotation may miss being of length one and at right angles
 
 
@@ -97,25 +98,17 @@ class MissingTurn:
 def quaternions_of(given: Orientation, what: str, t: Array) -> Array:
     """Return the unit quaternions (1, 4) or (n, 4) of an orientation that is wanted at times t (n,).
 
-    <<<<<<< HEAD
     ``given``: matrices or quaternions, one, or where there are several times one for each; or a function of the time.
 
-    Raises
-    ------
-    ArgumentError
-        What is no rotation.
-    =======
     Raises `ArgumentError`: what is no rotation.
-    >>>>>>> main
     """
-    one, means = ((3, 3), (4,)), "a matrix or a unit quaternion, scalar first"
     if callable(given):
         value = np.array([
-            as_array(given(float(time)), f"{what} at t = {time:g} s", *one, meaning=means) for time in t
+            as_array(given(float(time)), f"{what} at t = {time:g} s", *_ONE, meaning=_MEANS) for time in t
         ])  # fmt: skip
     else:
-        each = [(len(t), *shape) for shape in one] if len(t) > 1 else []
-        value = as_array(given, what, *one, *each, meaning=f"{means}" + ", or one for each instant" * bool(each))
+        each = [(len(t), *shape) for shape in _ONE] if len(t) > 1 else []
+        value = as_array(given, what, *_ONE, *each, meaning=_MEANS + _EACH * bool(each))
     if value.shape[-1] == 4:
         q = value.reshape(-1, 4)
         length = np.linalg.norm(q, axis=1, keepdims=True)
@@ -133,3 +126,21 @@ def quaternions_of(given: Orientation, what: str, t: Array) -> Array:
             "of length one, at right angles and right-handed"
         )
     return read_only(rotations.of_matrix(R))
+
+
+def known_quaternions(given: Orientation, what: str, t: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the same, and of which (1,) or (n,) a rotation is wanted: NaN in all of its numbers says of which none is.
+
+    Raises `ArgumentError`: what is no rotation, or part of one.
+    """
+    if callable(given):
+        return quaternions_of(given, what, t), np.ones(len(t), dtype=np.bool_)
+    values = as_wanted(given, what, *_ONE, *((len(t), *shape) for shape in _ONE), meaning=_MEANS + _EACH)
+    one = np.eye(3) if values.shape[-2:] == (3, 3) else np.eye(4)[0]
+    left_out = np.isnan(values).reshape(-1, one.size)
+    known = np.asarray(~left_out.all(axis=1))
+    torn = np.flatnonzero(known & left_out.any(axis=1))
+    if len(torn) or not known.any():
+        at = f"part of a rotation at t = {t[torn[0]]:g} s" if len(torn) else "nothing but NaN"
+        raise ArgumentError(f"{what}: got {at}, expected whole rotations, and NaN in all numbers where none is wanted")
+    return quaternions_of(np.where(np.isnan(values), one, values), what, t), known

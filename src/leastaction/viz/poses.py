@@ -17,7 +17,7 @@ from leastaction.numerics.public import public
 from leastaction.viz.figures import heading, new_figure, styled
 from leastaction.viz.panels import WIDTH
 from leastaction.viz.signals import Source, check_source
-from leastaction.viz.viewer.movies import png
+from leastaction.viz.viewer.movies import Painted, png
 from leastaction.viz.viewer.show import show
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def plot_poses(
     figure = new_figure(WIDTH, whole, layout=None)
     size = round(width * _DPI), round(height * _DPI)
     for i, moment in enumerate(moments):
-        picture = png(scenes, at=float(moment), size=size, dark=False, joints=False, forces=False)
+        picture = png(scenes, Painted(), at=float(moment), size=size)
         axes = figure.add_axes((i * (width + _GAP) / WIDTH, 0.0, width / WIDTH, height / whole))
         axes.imshow(imread(io.BytesIO(picture)), interpolation="lanczos")
         axes.set_axis_off()

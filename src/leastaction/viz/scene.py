@@ -251,6 +251,14 @@ class Scene:
         return self.focus or next(iter(self.points))
 
     @property
+    def strongest(self) -> dict[str, float]:
+        """How much the longest arrow of each kind stands for."""
+        found: dict[str, float] = {}
+        for arrow in self.arrows:
+            found[arrow.kind] = max(found.get(arrow.kind, 1e-12), float(np.linalg.norm(arrow.vector, axis=1).max()))
+        return found
+
+    @property
     def top_tension(self) -> float:
         """The tension that is drawn in the strongest colour, N: all but half a percent of the time it is less."""
         return max([1e-9, *(float(np.quantile(pull, 0.995)) for pull in (self.tension or {}).values())])

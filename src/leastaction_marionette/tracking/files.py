@@ -13,7 +13,7 @@ from leastaction.models.marionette import CONTROLS, axes_of, held_strings, mario
 from leastaction.optimal import OptimizationResult
 from leastaction_marionette.tracking.found import TrackingRun, TrackingSearch
 from leastaction_marionette.tracking.limits import KINDS
-from leastaction_marionette.tracking.motors import STAGES
+from leastaction_marionette.tracking.motors import PRICES
 from leastaction_marionette.tracking.problem import body_columns
 
 
@@ -116,7 +116,7 @@ def _check(found: TrackingRun | TrackingSearch) -> None:
     if not (0 < steps <= N if found.parts else steps in (N, N // 2)):
         raise LeastActionError(f"a search with {steps} steps for a motion of {N} is none")
     with_motors = not (tying or found.parts)
-    if with_motors and not 0 < found.stage < STAGES:
+    if with_motors and not 0 < found.stage <= len(PRICES):
         raise LeastActionError(f"a search at stage {found.stage} is none")
     _check_sizes("result", found.result, steps, planned[0], planned[1] + m.nd * with_motors)
 

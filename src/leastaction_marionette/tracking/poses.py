@@ -207,15 +207,6 @@ def at_rest(plan: TrackingPlan, *starts: Array, k: int | None = 0) -> tuple[Arra
     return x, u
 
 
-def hanging(plan: TrackingPlan) -> tuple[Array, Array]:
-    """Return what the puppet does where its strings are held, or poses at rest where it falls from them.
-
-    Raises `ArgumentError` where there is no such pose within the limits.
-    """
-    hung = plan.hung()
-    return hung if len(hung[1]) == plan.system.N else at_rest(plan)
-
-
 def held_still(plan: TrackingPlan, near: OptimizationResult) -> OptimizationResult:
     """Return a motion of a plan in which strings hold the puppet still, nearest to what is wanted.
 

@@ -23,7 +23,6 @@ from typing import Final
 
 import numpy as np
 
-from leastaction.errors import ProjectionError
 from leastaction.io import Motion
 from leastaction.mechanics import Mechanism
 from leastaction.models.marionette import tie_strings
@@ -36,14 +35,12 @@ from leastaction_marionette.tracking.motors import search
 from leastaction_marionette.tracking.parts import found_in_parts
 from leastaction_marionette.tracking.plan import Curve, TrackingPlan
 from leastaction_marionette.tracking.problem import TrackingProblem, below_strings
-from leastaction_marionette.tracking.stage import optimize
 from leastaction_marionette.tracking.tracker import Checkpoints, Tracker, improved
 from leastaction_marionette.tracking.weights import GENTLE, TrackingWeights
 
 PATIENCE: Final = 100
 """Iterations of a puppet that began hanging; then a first trajectory is sought with motors."""
 
-_LOST: Final = 2.0  # share of the cost with longer steps that a motion costs with its own where feedback has lost it
 _OFF: Final = 0.02  # of the mean tension at rest, by which hanging strings keep off the limits of tensions
 
 
@@ -218,20 +215,7 @@ def _with_motors(tracker: Tracker, *, begun: TrackingSearch | None = None) -> Tr
             tracker.say(f"strings on bars are tied with steps of {coarse.plan.dt:.3g} s at first")
         # What leads to strings that are tied had better lead to where they can be.
         return replace(coarse, start=(x, u), effort=effort, kinds=frozenset(KINDS))
-    tracker, start, followed = replace(tracker, effort=effort), (x, u), True
+    start = x, u
     if coarse.slow is not None:
-        fine, expected = plan.finer(coarse.plan, x, u), coarse.plan.cost().value(x, u) * coarse.scale
-        start = plan.inside(*fine, expected)
-        # What feedback cannot follow is begun with gaps between its steps.
-        followed = start[0] is not fine[0] or _is_followed(plan, start, _LOST * expected)
-    kinds = FIRST_KINDS | plan.broken(start[0])
-    return replace(tracker, start=start, shooting="single" if followed else "multiple", kinds=kinds)
-
-
-def _is_followed(plan: TrackingPlan, start: Curve, most: float) -> bool:
-    """Whether feedback can follow a curve, to a motion that costs no more than that."""
-    try:
-        found = optimize(plan.system, plan.cost(), initial=start, shooting="single", max_iterations=0)
-    except ProjectionError:
-        return False
-    return found.cost <= most
+        start = plan.inside(*plan.finer(coarse.plan, x, u), coarse.plan.cost().value(x, u) * coarse.scale)
+    return replace(tracker, effort=effort, start=start, kinds=FIRST_KINDS | plan.broken(start[0]))

@@ -3,10 +3,10 @@
 With its tension as an input a string may be of any length at any instant, as if its end ran over a winch. One that is
 tied to a bar may not. How much longer it is, ``c = (d^2 - L^2) / (2 L)`` with the distance d of its ends and its length
 L, is brought close to zero by a price: each instant costs ``w c^2 / 2``. The weight w grows from one optimisation to
-the next, as `LOOSE` and `FIRM` say, until winding hardly pays: the strings are tied ever more firmly, and every motion
-on the way is one that strings make. The lengths are those that suit the motion, the means of the distances, until the
-first of the firm ones. What is left, less than a tenth of a millimetre, goes at once (`settle.py`): the motion becomes
-one of the marionette on strings of fixed lengths.
+the next, from `LEAST_WEIGHT` on as `FIRM` says, until winding hardly pays: the strings are tied ever more firmly, and
+every motion on the way is one that strings make. The lengths are those that suit the motion, the means of the
+distances, until the first of the firm ones. What is left, less than a tenth of a millimetre, goes at once
+(`settle.py`): the motion becomes one of the marionette on strings of fixed lengths.
 """
 
 from __future__ import annotations
@@ -22,11 +22,8 @@ from leastaction.numerics import Array, read_only
 from leastaction.optimal import Cost
 from leastaction.systems import CostOfConfigurations, MidpointSystem
 
-LEAST_WEIGHT: Final = 1.0
+LEAST_WEIGHT: Final = 1e3
 """Of a length that is off (1/m^2), with which a plan begins."""
-
-LOOSE: Final = tuple(10.0**power for power in range(1, 5))
-"""Those that follow, at which the lengths are still sought."""
 
 FIRM: Final = tuple(10.0**power for power in range(5, 8))
 """Those with which strings stay as long as they are tied. From 1e7 on rounding of what the lengths cost may look like

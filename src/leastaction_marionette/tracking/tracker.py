@@ -16,11 +16,10 @@ from leastaction.optimal import Callback, IterationRecord, Method, OptimizationR
 from leastaction_marionette.choices import Follow
 from leastaction_marionette.markers import with_places
 from leastaction_marionette.tracking.found import CUT_SHORT, STUCK, Effort, TrackingRun, TrackingSearch
-from leastaction_marionette.tracking.growing import grown
 from leastaction_marionette.tracking.limits import FIRST_KINDS, KINDS, PuppetLimits
 from leastaction_marionette.tracking.pace import Pace
 from leastaction_marionette.tracking.plan import Curve, TrackingPlan
-from leastaction_marionette.tracking.poses import hanging
+from leastaction_marionette.tracking.poses import at_rest
 from leastaction_marionette.tracking.problem import TrackingProblem
 from leastaction_marionette.tracking.settle import by_lengths
 from leastaction_marionette.tracking.stage import optimize
@@ -41,9 +40,8 @@ _PLAN_PATIENCE = 150  # iterations of a plan, which then grows from a smaller on
 _HARDLY, _HARDLY_FIRM = 0.002, 0.005
 _CREPT = "The search creeps, and was made from elsewhere: what was left behind is nearer. Go on with --resume."
 _STOPPED = "Ctrl-C ended the search for another way: this is the best motion found before."
-_GROWING = "the motion found cannot be followed: ever larger parts of the wanted one are"
 _THERE = "The expected decrease of the cost is below the tolerance; what limits are off by is settled on rods."
-_STILL = "the motion found cannot be followed: it begins with a puppet that hangs still"
+_STILL = "the motion found cannot be followed: it begins with a puppet that is held still"
 
 
 class Checkpoints:
@@ -95,7 +93,7 @@ class Tracker:
     effort: Effort = field(default_factory=Effort)
     # Where the next optimisation begins: a curve or a result, whose steps may have gaps; or it goes on with an earlier.
     start: Curve | OptimizationResult | None = None
-    shooting: Shooting = "single"
+    shooting: Shooting = "auto"
     earlier: OptimizationResult | None = None
     kinds: frozenset[str] = FIRST_KINDS  # of limits that are stated
     grows: bool = True  # whether a motion that grows is tried where this one is stuck or creeps, on no bars
@@ -153,7 +151,7 @@ class Tracker:
         """Return one that has counted an optimisation."""
         made = found.iterations - (0 if self.earlier is None else self.earlier.iterations)
         effort = self.effort.plus(found, before=self.earlier, scale=self.scale)
-        return replace(self, effort=effort, left=self.left - made, shooting="single")
+        return replace(self, effort=effort, left=self.left - made, shooting="auto")
 
     def as_search(self, found: OptimizationResult, *, counted: bool = False, stage: int = 0) -> TrackingSearch:
         """Return what a search has found as what is gone on with; ``counted``: whether it is in the effort already."""
@@ -212,7 +210,7 @@ def improved(tracker: Tracker) -> tuple[Tracker, OptimizationResult]:
             if tracker.ties is not None:
                 raise
             tracker.say(_STILL)
-            tracker = replace(tracker, start=hanging(tracker.plan), shooting="single")
+            tracker = replace(tracker, start=at_rest(tracker.plan))
             result = _optimised(tracker)
         tracker = tracker.spent(result)
         if result.gap > 0.0:  # what is left of them is for feedback
@@ -226,7 +224,7 @@ def improved(tracker: Tracker) -> tuple[Tracker, OptimizationResult]:
             continue
         stuck = result.status in (*STUCK, Status.ITERATION_LIMIT)
         if stuck and tracker.left > 0 and tracker.may_grow:
-            return _better(tracker, result)
+            return _from_rest(tracker, result)
         more = tracker.plan.broken(result.x) - tracker.kinds
         if not more or tracker.left < 1 or result.status in CUT_SHORT:
             return tracker, result
@@ -234,24 +232,14 @@ def improved(tracker: Tracker) -> tuple[Tracker, OptimizationResult]:
         tracker = replace(tracker, kinds=tracker.kinds | more, start=result, earlier=None)
 
 
-def _better(tracker: Tracker, result: OptimizationResult) -> tuple[Tracker, OptimizationResult]:
-    """Return what following ever larger parts of the motion leads to, or a result that is stuck or creeps.
+def _from_rest(tracker: Tracker, result: OptimizationResult) -> tuple[Tracker, OptimizationResult]:
+    """Return what is found from a puppet that is held still, or a result that is stuck or creeps.
 
     The latter where it is nearer: much nearer, if the former is a minimum.
     """
-    coarse = tracker.with_longer_steps()
-    tracker.say(_GROWING)
+    tracker.say(_STILL)
     try:
-        found = grown(coarse.plan, coarse.stepped, tracker.say)
-        start = found.initial
-        if coarse.slow is not None:
-            start = tracker.plan.inside(*tracker.plan.finer(coarse.plan, *start), coarse.scale * found.cost)
-        effort = replace(
-            tracker.effort,
-            optimisations=tracker.effort.optimisations + len(found.stages),
-            iterations=tracker.effort.iterations + found.iterations,
-        )
-        begun = replace(tracker, start=start, earlier=None, kinds=frozenset(KINDS), effort=effort, grows=False)
+        begun = replace(tracker, start=at_rest(tracker.plan), earlier=None, kinds=frozenset(KINDS), grows=False)
         other, other_result = improved(begun)
     except (ArgumentError, ProjectionError):
         return tracker, result

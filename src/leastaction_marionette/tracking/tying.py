@@ -22,12 +22,10 @@ from leastaction_marionette.tracking.found import CUT_SHORT, STUCK, TrackingRun,
 from leastaction_marionette.tracking.limits import KINDS
 from leastaction_marionette.tracking.poses import held_still
 from leastaction_marionette.tracking.stage import optimize
-from leastaction_marionette.tracking.ties import FIRM, LOOSE, Ties
+from leastaction_marionette.tracking.ties import FIRM, Ties
 from leastaction_marionette.tracking.tracker import Tracker, improved
 
-# Iterations in which strings on bars are tied loosely; firmly, but the last time.
-_LEADING: Final = 60
-_TYING: Final = 200
+_TYING: Final = 200  # iterations in which strings on bars are tied firmly, but the last time
 _TOO_LOOSE: Final = 0.04  # m, by which strings on bars may not vary any more where their lengths are fixed
 _SETTLED: Final = 1e-4  # m, by which they may vary to be settled (`settle.py`)
 _NEARLY: Final = 1e-3  # m, the same where they cannot be tied more firmly
@@ -52,7 +50,7 @@ def followed_on_bars(tracker: Tracker, search: Callable[[Tracker], Tracker], *, 
     """
 
     def from_motors(tracker: Tracker) -> Found:
-        return more_firmly(*improved(search(tracker)), LOOSE)
+        return more_firmly(*improved(search(tracker)))
 
     motors = "it is sought with motors", from_motors
     if on_one_bar(tracker.mechanism) and not begun:
@@ -79,7 +77,7 @@ def gone_on(tracker: Tracker, found: TrackingRun | TrackingSearch) -> TrackingRu
         tracker = tracker.tied(found.firmness)
 
         def from_there(tracker: Tracker) -> Found:
-            return more_firmly(*improved(tracker), LOOSE)
+            return more_firmly(*improved(tracker))
 
     return _by_ways(tracker, (("it goes on", from_there), _STILL))
 
@@ -120,6 +118,8 @@ def _by_ways(tracker: Tracker, ways: Sequence[tuple[str, Way]], *, why: str = ""
 
 def _on_rods(tracker: Tracker, found: OptimizationResult) -> TrackingRun:
     """Return what was found with strings of fixed lengths: where they are still sought, those that suit it."""
+    if tracker.slow is not None:
+        tracker, found = _with_its_own_steps(tracker, found)
     if tracker.varies and _ties(tracker).weight < FIRM[0]:
         tracker = with_lengths_of(tracker, found)
     return tracker.ended(found)
@@ -131,7 +131,7 @@ def from_still(tracker: Tracker) -> Found:
     Raises `ArgumentError` where nothing holds it.
     """
     tracker, still = held(tracker.with_longer_steps(), None)
-    return more_firmly(tracker, still, FIRM[:1])
+    return more_firmly(tracker, still)
 
 
 _STILL: Final = ("it begins with a puppet that is held still", from_still)
@@ -158,14 +158,14 @@ def with_lengths_of(tracker: Tracker, result: OptimizationResult) -> Tracker:
     return replace(tracker, mechanism=tracker.mechanism.with_parameters(named)).planned()
 
 
-def more_firmly(tracker: Tracker, result: OptimizationResult, weights: Sequence[float]) -> Found:
-    """Return what is found where each optimisation ties strings on bars more firmly than the last, at last firmly.
+def more_firmly(tracker: Tracker, result: OptimizationResult) -> Found:
+    """Return what is found where each optimisation ties strings on bars more firmly than the last.
 
-    ``weights``: of the first, with longer steps where the tracker has these. Strings vary where they cannot be tied.
+    With longer steps first, where the tracker has these. Strings vary where they cannot be tied.
     """
-    left, slow = tracker.left, tracker.slow is not None
-    first = [(weight, slow) for weight in weights if weight > _ties(tracker).weight]
-    then = [(weight, False) for weight in FIRM if slow or (weight > _ties(tracker).weight and weight not in weights)]
+    left, slow, weight = tracker.left, tracker.slow is not None, _ties(tracker).weight
+    first = [(FIRM[0], True)] if slow and weight < FIRM[0] else []
+    then = [(firm, False) for firm in FIRM if slow or firm > weight]
     for weight, longer in (*first, *then):
         if result.status in CUT_SHORT or left < 1:
             break
@@ -180,7 +180,7 @@ def more_firmly(tracker: Tracker, result: OptimizationResult, weights: Sequence[
         if weight > FIRM[0] and off < _SETTLED and result.success:
             break
         tracker.say(f"strings on bars vary by {1e3 * off:.2g} mm: tied more firmly")
-        iterations = left if weight == FIRM[-1] else _LEADING if weight in LOOSE else _TYING
+        iterations = left if weight == FIRM[-1] else _TYING
         tracker = replace(tracker.tied(weight), start=result, earlier=None, left=iterations)
         try:
             tracker, firmer = improved(tracker)

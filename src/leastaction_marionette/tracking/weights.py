@@ -41,7 +41,7 @@ class TrackingWeights:
     rate: float = 1e-4
     string: float = 1e-3
     string_acceleration: float = 1e-6
-    tension: float = 1e-7
+    tension: float = 1e-5
     marker: float = 30.0
     posture: float = 0.1
 
@@ -58,5 +58,5 @@ class TrackingWeights:
 GENTLE = TrackingWeights()
 """For a motion that the puppet nearly makes by itself: all joints count, the strings go where they like."""
 
-FORCED = TrackingWeights(unheld=0.01, string=0.001, string_acceleration=3e-6, tension=1e-5)
+FORCED = TrackingWeights(unheld=0.01, string=0.001, string_acceleration=3e-6)
 """For a motion that it must be made to do: what no string holds may swing."""

@@ -1,4 +1,4 @@
-"""Markers of a capture: named places over time, as C3D files hold them, for frames to follow."""
+"""Markers of a capture: named places over time, of C3D and TRC files and of tables, for frames to follow."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from leastaction.errors import ArgumentError, MotionFileError, closest
+from leastaction.errors import ArgumentError, MotionFileError, closest, some
+from leastaction.io.motion.marker_tables import METRES, factor, named_apart, read_csv, read_trc
 from leastaction.io.motion.motion import count_steps
 from leastaction.numerics.arrays import Array, as_choice, as_number, require_mapping
+from leastaction.numerics.dataset import Column, Dataset, Savable, table
 from leastaction.numerics.extras import extra
 from leastaction.numerics.public import public
 
@@ -21,12 +23,11 @@ _BLOCK: Final = 512
 _MARK: Final = 0x50
 _VAX: Final = 85
 _BIG_ENDIAN: Final = 86
-_METRES: Final[Mapping[str, float]] = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 
 @public
 @dataclass(frozen=True, eq=False)
-class Markers:
+class Markers(Savable):
     """Places of named markers over time; `follow` takes them where their names are those of frames.
 
     Frozen; threads may share it.
@@ -63,6 +64,17 @@ class Markers:
         object.__setattr__(self, "names", names)
         object.__setattr__(self, "t", t)
         object.__setattr__(self, "places", places)
+
+    def dataset(self) -> Dataset:
+        places = self.places.reshape(len(self.t), -1)
+        names = [f"{name}.{axis}" for name in self.names for axis in "xyz"]
+        columns = [Column(name, "m", values) for name, values in zip(names, places.T, strict=True)]
+        return table(self.t, columns, content={"source": self.source})
+
+    def __str__(self) -> str:
+        """Say how many there are, for how long, and their names."""
+        count = f"{len(self.names)} marker{'s' * (len(self.names) != 1)}"
+        return f"{count} at {len(self.t)} times over {self.t[-1] - self.t[0]:g} s: {some(self.names)}"
 
     def __getitem__(self, name: str) -> Array:
         """Return the places (F, 3) of a marker by name (m); NaN where it was not seen."""
@@ -111,7 +123,7 @@ class Markers:
 
 @public
 def read_markers(path: str | os.PathLike[str], *, unit: str | None = None) -> Markers:
-    """Read the markers of a C3D file.
+    """Read the markers of a C3D or TRC file, or of a table (CSV).
 
     Analog channels and force plates are left out. A marker without a label is called by its number, "unlabelled 7";
     the second of a name "LFHD#2".
@@ -119,7 +131,8 @@ def read_markers(path: str | os.PathLike[str], *, unit: str | None = None) -> Ma
     Parameters
     ----------
     path : path
-        The file.
+        The file. The header of a table has the time first, then three columns of each marker, ``t [s],hand.x [mm],
+        hand.y [mm],hand.z [mm]``, in metres where there is no unit; a marker was not seen where a field is empty.
     unit : {"mm", "cm", "m"}, optional
         Of the places, for a file that does not say it.
 
@@ -131,15 +144,31 @@ def read_markers(path: str | os.PathLike[str], *, unit: str | None = None) -> Ma
     Raises
     ------
     MotionFileError
-        The file cannot be read, is no C3D file, holds no markers, or does not say in what unit.
+        The file cannot be read, is none of these, holds no markers, or does not say in what unit.
     MissingExtraError
-        ezc3d is not installed.
+        ezc3d is not installed, which ``.c3d`` needs.
     """
     if unit is not None:
-        as_choice(unit, "unit", tuple(_METRES))
+        as_choice(unit, "unit", tuple(METRES))
     source = Path(path)
     if not source.is_file():
-        raise MotionFileError(f"{source}: is no file that can be read; expected a C3D file. Check the path.")
+        raise MotionFileError(
+            f"{source}: is no file that can be read; expected a C3D file, a TRC or a table. Check the path."
+        )
+    read = {".csv": read_csv, ".trc": read_trc}.get(source.suffix.lower(), _read_c3d)
+    names, t, places = read(source, unit)
+    if len(names) == 0 or len(t) < 2:
+        raise MotionFileError(
+            f"{source}: holds {len(names)} markers at {len(t)} times, expected one or more at two or more."
+        )
+    try:
+        return Markers(names, t - t[0], places, source.stem)
+    except ArgumentError as error:
+        raise MotionFileError(f"{source}: {error}") from error
+
+
+def _read_c3d(source: Path, unit: str | None) -> tuple[tuple[str, ...], Array, Array]:
+    """Return names, times (F,) and places (F, n, 3) in m of a C3D file."""
     _check_whole(source)
     content = _content(source)
     try:
@@ -154,20 +183,13 @@ def read_markers(path: str | os.PathLike[str], *, unit: str | None = None) -> Ma
         raise MotionFileError(
             f"{source}: lacks what a C3D file says of its markers ({error}). Export it again."
         ) from error
-    if n == 0 or frames < 2:
-        raise MotionFileError(f"{source}: holds {n} markers at {frames} times, expected one or more at two or more.")
     if not (np.isfinite(rate) and rate > 0.0):
         raise MotionFileError(
             f"{source}: its markers have the rate {rate:g} Hz, expected a positive one. Export it again."
         )
-    own = unit if unit is not None else (said[0] if said else "")
-    if own not in _METRES:
-        raise MotionFileError(
-            f"{source}: its places are in {own!r}, expected one of {', '.join(_METRES)}. Say it: "
-            "read_markers(path, unit='mm')"
-        )
-    places = np.where(residuals[0] < 0.0, np.nan, points[:3]).transpose(2, 1, 0) * _METRES[own]
-    return Markers(names, np.arange(frames) / rate, places, source.stem)
+    metres = factor(source, said[0] if said else "", unit)
+    places = np.where(residuals[0] < 0.0, np.nan, points[:3]).transpose(2, 1, 0) * metres
+    return names, np.arange(frames) / rate, places
 
 
 def _check_whole(source: Path) -> None:
@@ -215,12 +237,4 @@ def _names(about: Any, n: int) -> tuple[str, ...]:
     """Return a name for each of n markers: files of more than 255 go on in LABELS2 and so forth."""
     lists = [about[key]["value"] for key in ("LABELS", *(f"LABELS{i}" for i in range(2, 10))) if key in about]
     labels = [str(label).strip() for each in lists for label in each][:n]
-    labels += [""] * (n - len(labels))
-    names: list[str] = []
-    for i, label in enumerate(labels):
-        name, number = label or f"unlabelled {i + 1}", 1
-        while name in names:
-            number += 1
-            name = f"{label}#{number}"
-        names.append(name)
-    return tuple(names)
+    return named_apart(labels, n)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BPoly, CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
-from leastaction.errors import ArgumentError, closest
+from leastaction.errors import ArgumentError, closest, some
 from leastaction.numerics.arrays import Array, as_number
 from leastaction.numerics.dataset import Column, Dataset, Savable, table
 from leastaction.numerics.public import public
@@ -101,6 +101,11 @@ class Motion(Savable):
     def angles_in_degrees(self) -> dict[str, Array]:
         """Every angle by name, (N+1,) in degrees."""
         return {name: np.rad2deg(self[name]) for name in self.angle_names}
+
+    def __str__(self) -> str:
+        """Say how many there are, for how long, and their names."""
+        count = f"{len(self.names)} variable{'s' * (len(self.names) != 1)}"
+        return f"{count} at {len(self.t)} times over {self.duration:g} s: {some(self.names)}"
 
     def __getitem__(self, name: str) -> Array:
         """Values (N+1,) of the variable called `name`."""

@@ -24,7 +24,7 @@ def read_motion(path: str | PathLike[str]) -> Motion:
         A header with the time first, then names and their units, ``t [s],elbow [deg],torso_tx [mm]``, and a line for
         each instant. Degrees, millimetres and centimetres become radians and metres; a name without a unit is taken as
         it is. Lines that begin with # are left out. `Motion.save` writes such a file. Of a capture by its skeleton
-        (``.bvh``, ``.amc``) see `read_capture`, of one by its markers (``.c3d``) `read_markers`.
+        (``.bvh``, ``.amc``) see `read_capture`, of one by its markers (``.c3d``, ``.trc``) `read_markers`.
 
     Returns
     -------
@@ -37,7 +37,7 @@ def read_motion(path: str | PathLike[str]) -> Motion:
         The file cannot be read or is no such table; the message names the line.
     """
     kind = Path(path).suffix.lower()
-    for endings, reader in (((".bvh", ".amc", ".asf"), "read_capture"), ((".c3d",), "read_markers")):
+    for endings, reader in (((".bvh", ".amc", ".asf"), "read_capture"), ((".c3d", ".trc"), "read_markers")):
         if kind in endings:
             raise MotionFileError(
                 f"{path}: is a capture, expected a table of named variables. `leastaction.io.{reader}` reads it"

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,11 +15,11 @@ from leastaction.numerics.arrays import Array, as_array, shape_of
 from leastaction.numerics.frozen import own_arrays, restore_state, saved_state
 from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.numerics.public import public
-from leastaction.numerics.signals import StateLaw, takes_state
+from leastaction.numerics.signals import OfTime, StateLaw, put_together, takes_state
 from leastaction.numerics.time_functions import TimeFunction
 
-ContinuousSignal = ArrayLike | PiecewisePolynomial | Callable[[float], ArrayLike] | StateLaw | None
-"""A constant, one row an instant, one row an interval, a function of time, one of time and state, or nothing."""
+ContinuousSignal = OfTime | Mapping[str, OfTime] | PiecewisePolynomial | StateLaw | None
+"""A constant, rows of instants or intervals, a function of time, these by name, a law of time and state, or nothing."""
 
 
 @public
@@ -92,6 +92,7 @@ class InputLaw:
         self.law: StateLaw | None = None
         self.kinked = False
         self.signal = TimeFunction(np.zeros(self.n), what)
+        signal = put_together(signal, self.names, what, np.zeros(self.n))
         if isinstance(signal, PiecewisePolynomial):
             self.signal = TimeFunction(signal, what)
             self.signal.check(times[0], times[-1], (self.n,), what=f"({self.n},)")
@@ -104,7 +105,7 @@ class InputLaw:
                 )
             self.law = _as_law(signal, what)
         elif signal is not None:
-            self.signal = TimeFunction(self._sampled(signal, times), what)
+            self.signal = TimeFunction(self._sampled(cast(ArrayLike, signal), times), what)
 
     def _sampled(self, signal: ArrayLike, times: Array) -> Array | PiecewisePolynomial:
         shape, N = shape_of(signal), len(times) - 1

@@ -74,7 +74,8 @@ def simulate(
         Force inputs: a constant (n_inputs,); rows (N+1, n_inputs) at the instants, joined by straight lines; rows
         (N, n_inputs), each held from one instant to the next, at whose jumps the solver stops; a
         `PiecewisePolynomial`, likewise; a function ``(t) -> (n_inputs,)``; or one ``(t, x) -> (n_inputs,)``, which may
-        have a ``jacobian(t, x) -> (n_inputs, nx)`` for implicit methods, such as `Feedback`. Zero if not given.
+        have a ``jacobian(t, x) -> (n_inputs, nx)`` for implicit methods, such as `Feedback`. Constants, rows and
+        functions of time by name too, ``{"push": 2.0}``. Zero if not given.
     rho : PrescribedMotion, spline of SciPy, or array_like of shape (N+1, nq - first_rho), optional
         Motion of the kinematic coordinates, twice differentiable; through rows a quintic spline is laid. It is kept
         exactly. A rotation that is a quaternion has its four numbers, whose length says nothing, but in rows.

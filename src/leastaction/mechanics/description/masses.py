@@ -20,6 +20,26 @@ FAR = 1e4
 DEPENDENT = 1e-9
 
 
+def check_matter(tree: Tree, rotors: Sequence[Mapping[str, float]]) -> None:
+    """Raise a `DescriptionError` if there is nothing with a mass behind a dynamic variable; see `check_masses`."""
+    joints = _massive(tree)
+    moved = {name for index in joints for name in tree.joints[index].variables}.union(*rotors)
+    for name in tree.dynamic:
+        if name not in moved:
+            raise _massless(tree, name, "where nothing has a mass")
+
+
+def _massive(tree: Tree) -> list[int]:
+    """Return the joints that move a mass or an inertia."""
+    # Whether there is any, not how much: sums of what is there could overflow.
+    matter = np.zeros((len(tree.joints), 2))
+    for index, body, _ in tree.bodies():
+        if index != WORLD:
+            matter[index] += body.mass > 0.0, body.inertia.any()
+    massive = zip(tree.joints, tree.subtree_sums(matter), strict=True)
+    return [i for i, (joint, (mass, inertia)) in enumerate(massive) if mass or (inertia and joint.twist[3:].any())]
+
+
 def check_masses(
     tree: Tree,
     rotors: Sequence[Mapping[str, float]],
@@ -38,20 +58,8 @@ def check_masses(
     only where an inertia has changed beyond its size.
     """
     bodies = [(joint, body, pose) for joint, body, pose in tree.bodies() if joint != WORLD]
-    # Whether there is any, not how much: sums of what is there could overflow.
-    matter = np.zeros((len(tree.joints), 2))
-    for index, body, _ in bodies:
-        matter[index] += body.mass > 0.0, body.inertia.any()
-    massive = [
-        bool(mass or (inertia and joint.twist[3:].any()))
-        for joint, (mass, inertia) in zip(tree.joints, tree.subtree_sums(matter), strict=True)
-    ]
-    joints = [index for index, has in enumerate(massive) if has]
-    moved = {name for index in joints for name in tree.joints[index].variables}.union(*rotors)
-    for name in tree.dynamic:
-        if name not in moved:
-            raise _massless(tree, name, "where nothing has a mass")
-    _check_couplings(tree, joints, rotors)
+    check_matter(tree, rotors)
+    _check_couplings(tree, _massive(tree), rotors)
 
     nd = len(tree.dynamic)
     coordinates = tree.coordinates(variables)

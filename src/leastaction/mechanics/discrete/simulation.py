@@ -60,11 +60,11 @@ def simulate(
         whose rows are samples at the starts of its steps is of first order in dt, and of second with samples at their
         middles. Or a feedback
         ``(t, x)``, such as `Feedback`, of the time and the state ``x = [q; rho; p; v_rho]`` (see `law_at`).
-        One input may be given as (N,). Zero if not given.
+        One input may be given as (N,), and all of them by name, ``{"push": 2.0, "lift": [...]}``. Zero if not given.
     rho : array_like (N+1, nrho) or (N, nrho), or callable, optional
         Kinematic variables at every instant (or at the ends of the steps), or a function of time. Of rotations that
-        are quaternions these, in the order of `Mechanism.coordinates`, less than half a turn apart. Unchanged if not
-        given.
+        are quaternions these, in the order of `Mechanism.coordinates`, less than half a turn apart. By name too, as
+        inputs. Unchanged if not given.
     law_at : {"start", "midpoint"}, optional
         Where in each step a feedback is evaluated: at its start, and held over it, as a digital controller does; or
         at its midpoint, where forces act (``q = (q1 + q2)/2``, ``v = (q2 - q1)/dt``, p = dL/dv). The closed loop is

@@ -204,25 +204,39 @@ class NumberOrVariable(Kind):
         return {value: self.number.unit} if isinstance(value, str) else {}
 
 
+class Several(Kind):
+    """Several numbers, each of them a parameter."""
+
+    @abc.abstractmethod
+    def named(self, field: str, count: int) -> list[str]:
+        """Return the names of so many parameters."""
+
+    def numbers(self, field: str, value: Sequence[float]) -> dict[str, float]:
+        return dict(zip(self.named(field, len(value)), value, strict=True))
+
+    def with_number(self, field: str, value: Sequence[float], parameter: str, number: float) -> tuple[float, ...]:
+        return tuple({**self.numbers(field, value), parameter: number}.values())
+
+    def show(self, value: Sequence[float]) -> str:
+        return ", ".join(f"{name} {number:g}" for name, number in self.numbers("", value).items())
+
+
 @dataclass(frozen=True)
-class Vector(Kind):
+class Vector(Several):
     """Three numbers, the parameters ``<field>.x`` and so on."""
 
     def read(self, value: object, what: str) -> tuple[float, float, float]:
         return three(value, what)
 
-    def numbers(self, field: str, value: Sequence[float]) -> dict[str, float]:
-        return {f"{field}.{axis}": number for axis, number in zip("xyz", value, strict=True)}
-
-    def with_number(self, field: str, value: Sequence[float], parameter: str, number: float) -> tuple[float, ...]:
-        return tuple({**self.numbers(field, value), parameter: number}.values())
+    def named(self, field: str, count: int) -> list[str]:
+        return [f"{field}.{axis}" for axis in "xyz"[:count]]
 
     def show(self, value: Sequence[float]) -> str:
         return f"({', '.join(f'{number:g}' for number in value)})"
 
 
 @dataclass(frozen=True)
-class Polynomial(Kind):
+class Polynomial(Several):
     """The coefficients of a polynomial, the parameters c0, c1 and so on; two at least, or it would be a constant."""
 
     def read(self, value: Any, what: str) -> tuple[float, ...]:
@@ -231,14 +245,8 @@ class Polynomial(Kind):
             raise DescriptionError(f"{what}: expected a list of two to sixteen numbers c0, c1, c2, ..., got {value!r}")
         return tuple(Number().read(c, f"{what}: c{i}") for i, c in enumerate(value))
 
-    def numbers(self, field: str, value: Sequence[float]) -> dict[str, float]:
-        return {f"c{i}": c for i, c in enumerate(value)}
-
-    def with_number(self, field: str, value: Sequence[float], parameter: str, number: float) -> tuple[float, ...]:
-        return tuple({**self.numbers(field, value), parameter: number}.values())
-
-    def show(self, value: Sequence[float]) -> str:
-        return ", ".join(f"{name} {c:g}" for name, c in self.numbers("", value).items())
+    def named(self, field: str, count: int) -> list[str]:
+        return [f"c{i}" for i in range(count)]
 
 
 # Others

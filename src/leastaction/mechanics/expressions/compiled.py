@@ -69,7 +69,8 @@ def compile_expression(expression: Any, *, what: str = "the expression") -> Comp
         if isinstance(part, Rate) or (isinstance(part, MechanismSymbol) and part.role == "input"):
             raise DescriptionError(
                 f"{what}: {brief(part)} occurs where only the configuration may; rates and inputs belong into an "
-                "ExpressionForce, and a prescribed motion is a kinematic variable"
+                "ExpressionForce, and a prescribed motion is a kinematic variable. Constraints on rates, such "
+                "as of a wheel that rolls and steers, cannot be said (docs/beyond/not_yet.md)"
             )
     found = _by_role(scalar)
     if not (found["point"] or found["direction"] or found["variable"]):

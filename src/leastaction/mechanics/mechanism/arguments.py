@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from leastaction.mechanics.description.tree import BallRotation, Tree
 from leastaction.mechanics.elements import Element, Parts
 from leastaction.numerics.arrays import Array, Row, as_array, row_by_name, shape_of
 
+_QUATERNION = "a unit quaternion, scalar first"
 _UNIT = 1e-6  # how far rounding of a file may take the length of a quaternion from one
 _ROUNDING = 1e-14  # and how far from one it stays as it is
 
@@ -59,11 +60,29 @@ def configuration_by_name(m: Compiled, values: Mapping[str, ArrayLike], what: st
     """Return a configuration (nq,) from values by name, with quaternions of no rotation where they are not given."""
     plain: dict[str, Any] = dict(values)
     for rotation in m.tree.rotations:
-        if rotation.name in plain:
-            told = f"{what}: the value of {rotation.name!r}"
-            four = as_array(plain.pop(rotation.name), told, (4,), meaning="a unit quaternion, scalar first")
-            plain.update(zip(rotation.quaternion, four, strict=True))
+        _spell(plain, rotation.name, rotation.quaternion, what, _QUATERNION)
     return configuration_on(m, row_by_name(plain, what, m.coordinates, rest, unturned(m)), what)
+
+
+def state_by_name(m: Compiled, values: Mapping[str, ArrayLike], what: str = "x") -> dict[str, Any]:
+    """Return numbers of a state by name: those of rotations one by one, and those of no rotation where none are given.
+
+    They may stand together by the name of a joint, its momenta and rates with ``"p_"`` and ``"v_"`` before that.
+    """
+    plain: dict[str, Any] = dict(values)
+    for rotation in m.tree.rotations:
+        _spell(plain, rotation.name, rotation.quaternion, what, _QUATERNION)
+        for letter in "pv":
+            names = [f"{letter}_{name}" for name in rotation.variables]
+            _spell(plain, f"{letter}_{rotation.name}", names, what, "by turns about the axes of the body")
+    return unturned(m) | plain
+
+
+def _spell(plain: dict[str, Any], name: str, names: Sequence[str], what: str, meaning: str) -> None:
+    """Take numbers that stand together by a name apart, if there are some."""
+    if name in plain:
+        numbers = as_array(plain.pop(name), f"{what}: the value of {name!r}", (len(names),), meaning=meaning)
+        plain.update(zip(names, numbers, strict=True))
 
 
 def unturned(m: Compiled) -> dict[str, float]:
@@ -90,10 +109,7 @@ def velocity_by_name(m: Compiled, values: Mapping[str, ArrayLike], what: str = "
     """Return a velocity (nv,) from values by name, those of a rotation together by the name of its joint."""
     plain: dict[str, Any] = dict(values)
     for rotation in m.tree.rotations:
-        if rotation.name in plain:
-            told = f"{what}: the value of {rotation.name!r}"
-            three = as_array(plain.pop(rotation.name), told, (3,), meaning="an angular velocity in axes of the body")
-            plain.update(zip(rotation.variables, three, strict=True))
+        _spell(plain, rotation.name, rotation.variables, what, "an angular velocity in axes of the body")
     return row_by_name(plain, what, m.variables, rest)
 
 

@@ -15,7 +15,7 @@ from leastaction import _core
 from leastaction.errors import unknown
 from leastaction.mechanics.description.branch import Branch, grown
 from leastaction.mechanics.description.flattening import flatten
-from leastaction.mechanics.description.masses import check_masses
+from leastaction.mechanics.description.masses import check_masses, check_matter
 from leastaction.mechanics.description.tree import BallAngles
 from leastaction.mechanics.elements import Element, Parts
 from leastaction.mechanics.mechanism import queries
@@ -115,6 +115,8 @@ class Mechanism(Compiled):
         return result
 
     def _compile(self, settled: Plan, *, like: _core.Mechanism | None = None) -> None:
+        if like is None:
+            check_matter(settled.tree, settled.rotors)
         nd, nrho, n_inputs = map(len, (settled.dynamic, settled.kinematic, settled.inputs))
         builder = _core.MechanismBuilder(nd, nrho, n_inputs)
         context = settled.emit(builder)

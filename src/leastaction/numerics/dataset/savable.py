@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from leastaction.errors import some
 from leastaction.numerics.dataset.dataset import STEP, TIME, AnyArray, Column, Dataset
 from leastaction.numerics.dataset.files import write
 from leastaction.numerics.extras import extra
@@ -111,6 +112,11 @@ class Table(Savable):
 
     def dataset(self) -> Dataset:
         return self.content
+
+    def __str__(self) -> str:
+        """Say how many columns there are, for how long, and their names and units."""
+        names = [f"{each.name} [{each.unit}]" if each.unit else each.name for each in self.columns]
+        return f"{len(names)} columns at {len(self.t)} times, t = {self.t[0]:g} to {self.t[-1]:g} s: {some(names)}"
 
     def __getitem__(self, name: str) -> AnyArray:
         """Return a column (N+1,) by name; raise an `ArgumentError` for an unknown one."""

@@ -21,8 +21,7 @@ from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.collocation.mesh import NODES, STAGES, WEIGHTS
 from leastaction.optimal.collocation.piece import newton_matrix, slopes_of_points
 from leastaction.optimal.continuous.cost import ContinuousCost
-from leastaction.optimal.continuous.model import sample_model, with_identities
-from leastaction.optimal.continuous.riccati import ModelSamples
+from leastaction.optimal.continuous.model import ModelSamples, TangentModel, sample_model
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 from leastaction.optimal.discrete.linear_quadratic import solve_linear_quadratic
@@ -47,9 +46,9 @@ def regulator_along(
     Where the cost has none they are those with identities for weights. ``jumps``: times at which pieces have to end.
     """
     model = sample_model(system, cost, curve, jumps, accuracy)
-    gains = _Backwards(model.mesh, model.samples).gains(model.Q_final)
+    gains = _Backwards(model).gains()
     if gains is None:
-        gains = _Backwards(model.mesh, with_identities(model.samples)).gains(np.eye(system.nx))
+        gains = _Backwards(model.with_identities()).gains()
     assert gains is not None
     return gains
 
@@ -82,14 +81,15 @@ class _PiecesAhead(NamedTuple):
 class _Backwards:
     """The way backwards through a linear-quadratic problem that is sampled on a mesh."""
 
-    def __init__(self, mesh: Mesh, samples: ModelSamples) -> None:
-        self.mesh = mesh
-        self.nx, self.nu = samples.B.shape[1:]
-        packed = np.concatenate([part.reshape(len(mesh.t), -1) for part in samples], axis=1)
-        self.problem = mesh.fit(packed, packed.shape[1:])
+    def __init__(self, model: TangentModel) -> None:
+        self.mesh, self.Q_final = model.mesh, model.Q_final
+        self.nx, self.nu = model.samples.B.shape[1:]
+        packed = np.concatenate([part.reshape(len(self.mesh.t), -1) for part in model.samples], axis=1)
+        self.problem = self.mesh.fit(packed, packed.shape[1:])
 
-    def gains(self, P: Array) -> PiecewisePolynomial | None:
-        """Return the gains; None where there is no minimum. ``P`` (nx, nx): at the end."""
+    def gains(self) -> PiecewisePolynomial | None:
+        """Return the gains; None where there is no minimum."""
+        P = self.Q_final
         ahead, found, made = self._pieces(self.mesh.breaks[:-1], self.mesh.breaks[1:]), [], 0
         least, most = _SHORTEST * (ahead.end[-1] - ahead.begin[0]), _MOST + len(ahead.end)
         while n := len(ahead.end):

@@ -10,6 +10,7 @@ import numpy as np
 
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.frozen import changed
 from leastaction.numerics.piecewise import PiecewisePolynomial
 from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.collocation.charts import CostInCharts
@@ -35,7 +36,7 @@ from leastaction.optimal.options import Options
 from leastaction.optimal.result import OptimizationResult
 from leastaction.optimal.search.grid import TimeGrid
 from leastaction.optimal.search.problem import DiscreteProblem
-from leastaction.optimal.state import OnMesh, SearchState
+from leastaction.optimal.state import OnMesh, Place, SearchState
 from leastaction.optimal.system import Linearization
 
 # Pieces of the first mesh, and of the last one at most; how often it is made finer.
@@ -194,6 +195,8 @@ class MeshGrid(TimeGrid):
         here, gaps = problem.parts.here, None if result.state is None else result.state.gaps
         here.move(mesh.x, mesh.u, None)
         here.gain, here.value = mesh.gain, problem.parts.plain.cost.value(mesh.x, mesh.u)
+        if result.state is not None:
+            problem.beginning.recall(result.state.begun)
         if gaps is not None:
             problem.beginning.recall_gaps(gaps)
         problem.beginning.put_limits_in(resumed=True)
@@ -233,7 +236,7 @@ class MeshGrid(TimeGrid):
         mesh = self.mesh.halved(coarse)
         if not coarse.any() or mesh.N > _MOST:
             return None
-        curve, densities = self.curve(problem.parts.here), _densities(self._report(problem))
+        curve, densities = self.curve(problem.parts.here.x), _densities(self._report(problem))
         reach = self._reach(problem.parts.here)
         try:
             following = MeshGrid(self.whole, mesh, self.rounds + 1).start(curve, densities, problem.parts.work, reach)
@@ -257,7 +260,7 @@ class MeshGrid(TimeGrid):
         mesh, system = self.mesh, self.whole.own.system
         rtol = self.whole.own.accuracy.rtol
         tolerance = max(min(_OF_ACCURACY * rtol, _OF_STATES), rtol)
-        curve = self.curve(here)
+        curve = self.curve(here.x)
         t = mesh.between()
         x, u = curve.sample(t.ravel())
         slopes = curve.x.derivative()(t.ravel())
@@ -278,11 +281,11 @@ class MeshGrid(TimeGrid):
         long = mesh.h > _SHORTEST * (mesh.breaks[-1] - mesh.breaks[0])
         return np.asarray(long & ((off > tolerance).any(axis=1) | rough))
 
-    def curve(self, here: Here) -> DenseTrajectory:
-        """Return an iterate as functions of time."""
+    def curve(self, x: Array) -> DenseTrajectory:
+        """Return a trajectory (N+1, nz) as functions of time."""
         nx = self.whole.own.system.nx
-        states, inputs = self.system.layout.points(here.x[1:])
-        return DenseTrajectory(self.mesh.curve(here.x[0, :nx], states, inputs), nx)
+        states, inputs = self.system.layout.points(x[1:])
+        return DenseTrajectory(self.mesh.curve(x[0, :nx], states, inputs), nx)
 
     # ---- Duals ------------------------------------------------------------------------------------
 
@@ -347,25 +350,31 @@ class MeshGrid(TimeGrid):
 
     def result(self, problem: DiscreteProblem, summary: dict[str, Any]) -> ContinuousOptimizationResult:
         """Return the result at the current iterate, in continuous time."""
-        own, here = self.whole.own, problem.parts.here
-        own.here.trajectory = motion = self.curve(here)
+        own, here, begun = self.whole.own, problem.parts.here, problem.beginning.begun
+        before = begun.earlier if here.is_open else None
+        at = before or here.place()
+        own.here.trajectory = motion = self.curve(at.x)
         gain = regulator_along(own.system, own.cost, motion, own.models.jumps, own.accuracy)
         own.here.gain = own.models.feedback = gain
         found = own.report.result(summary)
         # At the end of a piece the input is that of its last point: the next piece's polynomial may stand beside it.
         u = found.u.copy()
-        u[1:] = self.system.layout.points(here.x[1:])[1][:, -1]
-        mesh = OnMesh(self.mesh.breaks, here.x, here.u, here.gain.copy(), self.rounds, self.moved or here.moved)
-        limits = self._report(problem) if self.sides else None
+        u[1:] = self.system.layout.points(at.x[1:])[1][:, -1]
+        mesh = OnMesh(self.mesh.breaks, at.x, at.u, at.gain, self.rounds, self.moved or here.moved)
+        limits = self._report(problem, before) if self.sides else None
         curve = problem.parts.curve
-        state = SearchState(mesh=mesh, gaps=None if curve is None else curve.state())
-        return replace(found, u=u, limits=limits, gap=here.gap, state=state)
+        begun = changed(begun, ease=problem.parts.ease)
+        state = SearchState(begun=begun, mesh=mesh, gaps=None if curve is None else curve.state())
+        found = replace(found, u=u, limits=limits, gap=here.gap, state=state)
+        if before is None:
+            return found
+        return replace(found, cost=problem.parts.asked.value(before.x, before.u), gap=0.0)
 
-    def _report(self, problem: DiscreteProblem) -> LimitReport:
-        """Return the report of the limits as they were stated."""
+    def _report(self, problem: DiscreteProblem, at: Place | None = None) -> LimitReport:
+        """Return the report of the limits as they were stated; ``at``: as of `BarrierMerit`."""
         if problem.parts.limits is None:
             return LimitReport((), np.nan, 0.0)
-        report = problem.parts.report()
+        report = problem.parts.report(at)
         return replace(report, sides=told(self.sides, report.sides, self.mesh))
 
 

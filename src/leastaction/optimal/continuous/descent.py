@@ -9,8 +9,8 @@ import numpy as np
 
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.piecewise import PiecewisePolynomial
-from leastaction.optimal.continuous.model import TangentModel, with_curvature
-from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, ModelSamples
+from leastaction.optimal.continuous.model import TangentModel
+from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
 
 _MODELS, _ENOUGH = 40, 6  # most models that are solved, and once there is a direction
@@ -36,7 +36,7 @@ def escape(
     scale: float,
     sizes: Array,
     *,
-    solve: Callable[[ModelSamples], ContinuousLinearQuadraticSolution],
+    solve: Callable[[TangentModel], ContinuousLinearQuadraticSolution],
     sweep: Callable[[ContinuousLinearQuadraticSolution], DenseTrajectory],
 ) -> Escape | None:
     """Return a direction of negative curvature, where the whole Newton model has one.
@@ -45,12 +45,12 @@ def escape(
     model becomes flat along a direction, which models that come close lead to by inverse iteration.
 
     ``curvature`` (n, nx+nu, nx+nu): of the dynamics, at the points of the model's mesh. ``scale``: its part with which
-    there is a minimum. ``sizes`` (nx+nu,): of states and inputs. ``solve``, ``sweep``: return the solution of a model
-    with other samples, and the minimum (dx, du) of a solution.
+    there is a minimum. ``sizes`` (nx+nu,): of states and inputs. ``solve``, ``sweep``: return the solution of another
+    model, and the minimum (dx, du) of a solution.
     """
     t, weights = model.mesh.t, model.mesh.weights
-    n, nx, nu = model.samples.B.shape
-    whole = with_curvature(model.samples, curvature)
+    _, nx, nu = model.samples.B.shape
+    whole = model.with_curvature(curvature).samples
     since = (t - t[0]) / (t[-1] - t[0])
     du = np.cos(np.pi * np.outer(since, np.arange(4))) @ np.random.default_rng(0).normal(size=(4, nu))
     low, high = scale, 1.0
@@ -59,7 +59,7 @@ def escape(
         if found is not None and tried >= _ENOUGH:
             break
         trial = 0.5 * (low + high)
-        solution = solve(with_curvature(model.samples, trial * curvature)._replace(q=np.zeros((n, nx)), r=-du))
+        solution = solve(model.with_curvature(trial * curvature).driven_by(-du))
         if not solution.definite:
             high = trial
             continue

@@ -28,7 +28,8 @@ from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
 from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.function_system import as_dynamics
 from leastaction.optimal.continuous.horizon import as_horizon, first_mesh
-from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, ModelSamples, solve_samples
+from leastaction.optimal.continuous.model import ModelSamples, TangentModel
+from leastaction.optimal.continuous.riccati import ContinuousLinearQuadraticSolution, solve_samples
 from leastaction.optimal.cost import matrix_of
 
 # Pieces that a horizon is divided into before anything is known of the functions sampled on it.
@@ -121,9 +122,8 @@ def solve_continuous_linear_quadratic(
             f"A, B, Q, R, S, q, r, c: got a value that is not finite at t = {time:.6g} s, expected "
             "finite numbers. Look at the functions that were given."
         )
-    return solve_samples(
-        mesh, ModelSamples.unpack(packed, nx, nu), matrix_of(final), gradient, accuracy=accuracy, jumps=every
-    )
+    model = TangentModel(mesh, ModelSamples.unpack(packed, nx, nu), matrix_of(final), gradient)
+    return solve_samples(model, accuracy=accuracy, jumps=every)
 
 
 @public

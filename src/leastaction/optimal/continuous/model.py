@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,9 +13,36 @@ from leastaction.numerics.arrays import Array, require_finite
 from leastaction.numerics.piecewise import Mesh, approximate
 from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.cost import ContinuousCost
-from leastaction.optimal.continuous.riccati import ModelSamples
 from leastaction.optimal.continuous.system import ContinuousSystem
 from leastaction.optimal.continuous.trajectory import DenseTrajectory
+
+
+class ModelSamples(NamedTuple):
+    """A linear-quadratic problem sampled at the points of a mesh; n is their number.
+
+    ``A``, ``B`` (n, nx, nx), (n, nx, nu): dynamics. ``Q``, ``R``, ``S`` (n, nx, nx), (n, nu, nu), (n, nx, nu): weights.
+    ``q``, ``r``, ``c`` (n, nx), (n, nu), (n, nx): gradients of the cost, and drift.
+    """
+
+    A: Array
+    B: Array
+    Q: Array
+    R: Array
+    S: Array
+    q: Array
+    r: Array
+    c: Array
+
+    @classmethod
+    def unpack(cls, packed: Array, nx: int, nu: int) -> ModelSamples:
+        """Return the samples from rows of A, B, Q, R, S, q, r, c, in this order."""
+        shapes = [(nx, nx), (nx, nu), (nx, nx), (nu, nu), (nx, nu), (nx,), (nu,), (nx,)]
+        parts, begin = [], 0
+        for shape in shapes:
+            end = begin + int(np.prod(shape))
+            parts.append(packed[:, begin:end].reshape(len(packed), *shape))
+            begin = end
+        return cls(*parts)
 
 
 @dataclass(frozen=True)
@@ -28,6 +56,23 @@ class TangentModel:
     samples: ModelSamples
     Q_final: Array
     q_final: Array
+
+    def with_identities(self) -> TangentModel:
+        """Return the problem with identities for weights."""
+        n, nx, nu = self.samples.B.shape
+        Q, R = (np.broadcast_to(np.eye(m), (n, m, m)) for m in (nx, nu))
+        return replace(self, samples=self.samples._replace(Q=Q, R=R, S=np.zeros((n, nx, nu))), Q_final=np.eye(nx))
+
+    def with_curvature(self, H: Array) -> TangentModel:
+        """Return it with a Hessian (n, nx+nu, nx+nu) beside the weights: a part of the dynamics' curvature."""
+        own, nx = self.samples, len(self.q_final)
+        Q, R, S = own.Q + H[:, :nx, :nx], own.R + H[:, nx:, nx:], own.S + H[:, :nx, nx:]
+        return replace(self, samples=own._replace(Q=Q, R=R, S=S))
+
+    def driven_by(self, r: Array) -> TangentModel:
+        """Return it with no other gradient than one by the inputs (n, nu)."""
+        nothing = np.zeros_like(self.samples.q)
+        return replace(self, samples=self.samples._replace(q=nothing, r=r), q_final=np.zeros_like(self.q_final))
 
 
 def sample_model(
@@ -81,20 +126,6 @@ class SampledSystem(ContinuousSystem):
         nx, nu = self.nx, self.nu
         AB = self._AB(t)
         return AB[: nx * nx].reshape(nx, nx), AB[nx * nx :].reshape(nx, nu)
-
-
-def with_identities(samples: ModelSamples) -> ModelSamples:
-    """Return the problem with identities for weights."""
-    n, nx, nu = samples.B.shape
-    return samples._replace(
-        Q=np.broadcast_to(np.eye(nx), (n, nx, nx)), R=np.broadcast_to(np.eye(nu), (n, nu, nu)), S=np.zeros((n, nx, nu))
-    )
-
-
-def with_curvature(samples: ModelSamples, H: Array) -> ModelSamples:
-    """Return the problem with a Hessian (n, nx+nu, nx+nu) beside the weights: a part of the dynamics' curvature."""
-    nx = samples.A.shape[1]
-    return samples._replace(Q=samples.Q + H[:, :nx, :nx], R=samples.R + H[:, nx:, nx:], S=samples.S + H[:, :nx, nx:])
 
 
 def _united(breaks: Array, jumps: ArrayLike) -> Array:

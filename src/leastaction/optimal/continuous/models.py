@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,18 +13,11 @@ from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.cost import ContinuousCost
 from leastaction.optimal.continuous.descent import escape
-from leastaction.optimal.continuous.model import (
-    SampledSystem,
-    TangentModel,
-    sample_model,
-    with_curvature,
-    with_identities,
-)
+from leastaction.optimal.continuous.model import SampledSystem, TangentModel, sample_model
 from leastaction.optimal.continuous.own_projection import checked_gains, feedback_of, weights_as_cost
 from leastaction.optimal.continuous.projection import Follower, roll_out
 from leastaction.optimal.continuous.riccati import (
     ContinuousLinearQuadraticSolution,
-    ModelSamples,
     continuous_adjoint,
     solve_samples,
 )
@@ -135,11 +128,7 @@ class ContinuousModels(DescentModels[ContinuousLinearQuadraticSolution, Continuo
 
     def negative_curvature(self, scale: float) -> ContinuousDirection | None:
         model = self.tangent()
-
-        def solve(samples: ModelSamples) -> ContinuousLinearQuadraticSolution:
-            return self._minimum(samples, model.Q_final, np.zeros(self.system.nx))
-
-        found = escape(model, self._curvature_along(model), scale, self.size(), solve=solve, sweep=self.sweep)
+        found = escape(model, self._curvature_along(model), scale, self.size(), solve=self._minimum, sweep=self.sweep)
         if found is None:
             return None
         length = min(np.sqrt(2.0 * _DECREASE * abs(self.here.value) / -found.bend), _REACH / found.reach)
@@ -204,44 +193,32 @@ class ContinuousModels(DescentModels[ContinuousLinearQuadraticSolution, Continuo
 
     def _solve(self, method: str, scale: float, shift: float = 0.0) -> ContinuousLinearQuadraticSolution:
         model = self.tangent()
-        samples, Q_final = model.samples, model.Q_final
-        nx = samples.B.shape[1]
         if method == "steepest":
-            samples = with_identities(samples)
-            Q_final = np.eye(nx)
+            model = model.with_identities()
         elif method == "newton":
-            samples = with_curvature(samples, scale * self._curvature_along(model))
+            model = model.with_curvature(scale * self._curvature_along(model))
         if shift > 0.0:
-            nu = self.system.nu
-            samples = samples._replace(Q=samples.Q + shift * np.eye(nx), R=samples.R + shift * np.eye(nu))
-            Q_final = Q_final + shift * np.eye(nx)
-        return self._minimum(samples, Q_final, model.q_final, escape=_SURELY if scale == 1.0 else _ESCAPE)
+            nx, nu = self.system.nx, self.system.nu
+            model = model.with_curvature(shift * np.eye(nx + nu)[None])
+            model = replace(model, Q_final=model.Q_final + shift * np.eye(nx))
+        return self._minimum(model, escape=_SURELY if scale == 1.0 else _ESCAPE)
 
-    def _minimum(
-        self, samples: ModelSamples, Q_final: Array, q_final: Array, **options: float
-    ) -> ContinuousLinearQuadraticSolution:
-        """Return the solution of a model with other weights along the current curve."""
-        mesh = self.tangent().mesh
+    def _minimum(self, model: TangentModel, **options: float) -> ContinuousLinearQuadraticSolution:
+        """Return the solution of a model along the current curve."""
         with self.clock.lq:
-            return solve_samples(mesh, samples, Q_final, q_final, accuracy=self.accuracy, jumps=self.jumps, **options)
+            return solve_samples(model, accuracy=self.accuracy, jumps=self.jumps, **options)
 
     def _solve_regulator(self) -> ContinuousLinearQuadraticSolution:
         """Return the LQR about the current curve, with weights that were given or identities."""
-        model = self.tangent()
-        if self.projection is not None:
-            return self._with_weights(model)
-        samples = with_identities(model.samples)
-        samples = samples._replace(q=np.zeros_like(samples.q), r=np.zeros_like(samples.r))
-        nx = self.system.nx
-        return self._minimum(samples, np.eye(nx), np.zeros(nx))
-
-    def _with_weights(self, model: TangentModel) -> ContinuousLinearQuadraticSolution:
-        samples, t, nx, nu = model.samples, model.mesh.t, self.system.nx, self.system.nu
-        cost = weights_as_cost(self.projection, self.system, self.here.trajectory.t0, self.here.trajectory.tf)
+        model = self.tangent().with_identities()
+        model = model.driven_by(np.zeros_like(model.samples.r))
+        if self.projection is None:
+            return self._minimum(model)
+        t, nx, nu, trajectory = model.mesh.t, self.system.nx, self.system.nu, self.here.trajectory
+        cost = weights_as_cost(self.projection, self.system, trajectory.t0, trajectory.tf)
         Q, R, _ = cost.hessian(np.zeros((len(t), nx)), np.zeros((len(t), nu)), t)
-        samples = with_identities(samples)._replace(Q=Q, R=R, q=np.zeros_like(samples.q), r=np.zeros_like(samples.r))
-        final = cost.final_hessian(np.zeros(nx), self.here.trajectory.tf)
-        solution = self._minimum(samples, final, np.zeros(nx))
+        final = cost.final_hessian(np.zeros(nx), trajectory.tf)
+        solution = self._minimum(replace(model, samples=model.samples._replace(Q=Q, R=R), Q_final=final))
         if not solution.definite:
             raise ArgumentError(f"projection: there is no regulator with these weights: {solution.message}")
         return solution
@@ -258,14 +235,8 @@ class ContinuousModels(DescentModels[ContinuousLinearQuadraticSolution, Continuo
             nx, nu = self.system.nx, self.system.nu
             t = model.mesh.t
             with self.clock.lq:
-                z = continuous_adjoint(
-                    model.mesh,
-                    model.samples,
-                    self.here.gain(t)[:, : nu * nx].reshape(-1, nu, nx),
-                    model.q_final,
-                    accuracy=self.accuracy,
-                    jumps=self.jumps,
-                )
+                K = self.here.gain(t)[:, : nu * nx].reshape(-1, nu, nx)
+                z = continuous_adjoint(model, K, accuracy=self.accuracy, jumps=self.jumps)
             with self.clock.curvature:
                 self.curvature = self.system.curvatures(*self.here.trajectory.sample(t), t, z(t))
             require_finite(self.curvature, "curvature of the system")

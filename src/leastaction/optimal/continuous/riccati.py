@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -25,34 +24,7 @@ from leastaction.numerics.piecewise import Mesh, PiecewisePolynomial, approximat
 from leastaction.numerics.public import public
 from leastaction.optimal.accuracy import Accuracy
 from leastaction.optimal.continuous.integrate import integrate
-
-
-class ModelSamples(NamedTuple):
-    """A linear-quadratic problem sampled at the points of a mesh; n is their number.
-
-    ``A``, ``B`` (n, nx, nx), (n, nx, nu): dynamics. ``Q``, ``R``, ``S`` (n, nx, nx), (n, nu, nu), (n, nx, nu): weights.
-    ``q``, ``r``, ``c`` (n, nx), (n, nu), (n, nx): gradients of the cost, and drift.
-    """
-
-    A: Array
-    B: Array
-    Q: Array
-    R: Array
-    S: Array
-    q: Array
-    r: Array
-    c: Array
-
-    @classmethod
-    def unpack(cls, packed: Array, nx: int, nu: int) -> ModelSamples:
-        """Return the samples from rows of A, B, Q, R, S, q, r, c, in this order."""
-        shapes = [(nx, nx), (nx, nu), (nx, nx), (nu, nu), (nx, nu), (nx,), (nu,), (nx,)]
-        parts, begin = [], 0
-        for shape in shapes:
-            end = begin + int(np.prod(shape))
-            parts.append(packed[:, begin:end].reshape(len(packed), *shape))
-            begin = end
-        return cls(*parts)
+from leastaction.optimal.continuous.model import ModelSamples, TangentModel
 
 
 @public
@@ -113,21 +85,14 @@ class ContinuousLinearQuadraticSolution:
 
 
 def solve_samples(
-    mesh: Mesh,
-    samples: ModelSamples,
-    Q_final: Array,
-    q_final: Array,
-    *,
-    accuracy: Accuracy,
-    jumps: Sequence[float],
-    escape: float = 1e8,
+    model: TangentModel, *, accuracy: Accuracy, jumps: Sequence[float], escape: float = 1e8
 ) -> ContinuousLinearQuadraticSolution:
-    """Solve a linear-quadratic problem that is given by its samples on a mesh.
+    """Solve a linear-quadratic problem that is given by its samples on a mesh, which is fine enough for them.
 
-    ``mesh``: fine enough for the samples. ``Q_final``, ``q_final`` (nx, nx), (nx,): final weight and gradient.
     ``jumps``: times where the samples jump; ends of pieces. ``escape``: P is taken to escape when an entry of its
     diagonal is below minus this times the size of the weights.
     """
+    mesh, samples, Q_final, q_final = model.mesh, model.samples, model.Q_final, model.q_final
     nx, nu = samples.B.shape[1:]
     t0, tf = float(mesh.breaks[0]), float(mesh.breaks[-1])
     smallest = np.linalg.eigvalsh(samples.R)[:, 0]
@@ -222,17 +187,17 @@ class _Law:
 
 
 def continuous_adjoint(
-    mesh: Mesh, samples: ModelSamples, K: Array, q_final: Array, *, accuracy: Accuracy, jumps: Sequence[float]
+    model: TangentModel, K: Array, *, accuracy: Accuracy, jumps: Sequence[float]
 ) -> PiecewisePolynomial:
     """Return the adjoint z(t) (nx,) of the loop closed with K (dissertation Prop. 5).
 
     ``-z' = (A - BK)'z + q - K'r``, ``z(tf) = q_final``: the derivative of the cost to go by the state
     while the feedback holds on.
 
-    ``mesh``, ``samples``: linearisation and gradients along the trajectory. ``K`` (n, nu, nx): gains at the points of
-    the mesh. ``q_final`` (nx,): gradient of the final cost. ``jumps``: times where the samples jump. Raises
-    `ArgumentError`: an equation that cannot be integrated.
+    ``model``: linearisation and gradients along the trajectory. ``K`` (n, nu, nx): gains at the points of its mesh.
+    ``jumps``: times where the samples jump. Raises `ArgumentError`: an equation that cannot be integrated.
     """
+    mesh, samples, q_final = model.mesh, model.samples, model.q_final
     nx = q_final.size
     closed = samples.A - samples.B @ K
     source = samples.q - np.einsum("nji,nj->ni", K, samples.r)

@@ -64,7 +64,7 @@ class Merit(ABC):
 
     @abstractmethod
     def guide(self, x: Array, u: Array) -> float:
-        """Return what is added to the cost along some curve, only to guide the search."""
+        """Return what is added to the cost along some curve only to guide the search: barriers, prices of excess."""
 
     @abstractmethod
     def gradient(self) -> CostGradient:

@@ -13,8 +13,7 @@ class Work:
     ``clock``, ``rollouts``: of this run; roll-outs are those beside line searches. ``free``: where the next
     linear-quadratic problem is solved. ``held``: where the gains of the last projection stand, which outlive it,
     because the adjoint needs them. ``spare``: where others are solved meanwhile. ``last``: where those are whose
-    solution nobody keeps. ``linearization``: the last one, which
-    the next is written over.
+    solution nobody keeps. ``linearization``: the last one, which the next is written over.
     """
 
     def __init__(self, N: int, nx: int, nu: int, *, clock: Clock | None = None) -> None:
@@ -42,9 +41,9 @@ class Work:
         self.clock, self.rollouts = other.clock, other.rollouts
 
     def hold(self) -> None:
-        """Keep what stands where the next problem would be solved."""
+        """Keep the solution in `free`, over which the next one would be written, as the one that is `held`."""
         self.free, self.held = self.held, self.free
 
     def take_spare(self) -> None:
-        """Take what was solved meanwhile for the solution."""
+        """Take the solution in `spare` for the one in `free`."""
         self.free, self.spare = self.spare, self.free

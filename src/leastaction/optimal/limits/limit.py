@@ -241,9 +241,10 @@ def _matching(system: Horizon, names: str | Sequence[str], of: str | None, what:
     known: list[str] = []
     more: Mapping[str, str] = getattr(system, "beside", {})
     asked = kinds if of is None else (of, more[of]) if of in more else (of,)
+    turns = "" if of is None else ".w[xyz]"  # a joint that is a rotation has rates and momenta about three axes
     for kind in asked:
         whole = system.quantity(kind)
-        found = [whole.matching(pattern) for pattern in patterns]
+        found = [whole.matching(pattern) or whole.matching(f"{pattern}{turns}") for pattern in patterns]
         if all(found):
             return whole.select(list(dict.fromkeys(i for each in found for i in each)))  # in the order of their values
         known += [name for name in whole.names if name not in known]

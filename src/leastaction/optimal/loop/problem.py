@@ -109,7 +109,7 @@ class Stages(ABC):
     @property
     @abstractmethod
     def is_passing(self) -> bool:
-        """Whether it only leads to the next, so that its minimum need not be seen to be one."""
+        """Whether it only leads to the next: then no second derivative need confirm that it ends at a minimum."""
 
     @property
     @abstractmethod
@@ -227,7 +227,7 @@ class DescentModels(ABC, Generic[M, D]):
 
     @abstractmethod
     def refined(self, direction: D, *, holds: bool) -> D:
-        """Return what to follow in the place of a direction, by more of the same model.
+        """Return what to follow in the place of a direction: a better one of the same model, as to where limits bend.
 
         ``holds``: whether the last step lowered the cost by what its model had foretold.
         """

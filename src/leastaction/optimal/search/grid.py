@@ -11,8 +11,7 @@ from leastaction.optimal.iterates.here import Here
 class TimeGrid(ABC):
     """The times that the steps of a problem stand for.
 
-    ``is_mesh``: whether they are pieces of a continuous horizon. Then a search does not begin again: what its steps do
-    not resolve, a finer mesh does.
+    ``is_mesh``: whether they are pieces of a continuous horizon. What these do not resolve, a finer mesh does.
     """
 
     is_mesh: bool

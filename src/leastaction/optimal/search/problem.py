@@ -62,6 +62,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
     """
 
     stages: DiscreteStages
+    begins_again = True
 
     def __init__(
         self,
@@ -87,7 +88,6 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         self.here, self.models = self.parts.here, self.parts.models
         self.stages = DiscreteStages(self.parts, self.beginning)
         self.report = DiscreteReport(self.parts, self.beginning, None if results is None else partial(results, self))
-        self.begins_again = not self.parts.grid.is_mesh
 
     def renew(self) -> None:
         """Be as if nothing had been searched."""
@@ -109,12 +109,21 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
 
     # ---- Other problems -----------------------------------------------------------------------------
 
-    def related(self, rows: Sequence[Rows], cost: Cost | None = None, **settings: Any) -> DiscreteProblem:
-        """Return the problem with other limits and settings, and perhaps another cost."""
+    def related(
+        self,
+        rows: Sequence[Rows],
+        cost: Cost | None = None,
+        gapped: Gapped = "never",
+        *,
+        dearer: float | None = None,
+        **settings: Any,
+    ) -> DiscreteProblem:
+        """Return the problem with other limits and settings, and perhaps another cost, on the same times."""
         parts, options = self.parts, self.settings.changed(**settings)
         return DiscreteProblem(
-            parts.system, cost or parts.asked, options, rows, parts.free_start, final_time=self.beginning.final_time
-        )
+            parts.system, cost or parts.asked, options, rows, parts.free_start, gapped,
+            final_time=self.beginning.final_time, dearer=dearer, grid=parts.grid,
+        )  # fmt: skip
 
     def found_with(self, rows: Sequence[Rows], iterations: int, *, tolerance: float = 0.0) -> OptimizationResult | None:
         """Return what some iterations with other limits lead to from the iterate; None where that is nowhere.

@@ -37,8 +37,8 @@ class Periodic(Limit):
     ----------
     names : str or sequence of str
         Entries, by the names of ``system.quantity("state")``, with wildcards: of a `MidpointSystem` its variables,
-        ``"p_..."`` for momenta and ``"v_..."`` for rates of prescribed variables. Multipliers, which the next step has
-        its own of, are no part of it.
+        ``"p_..."`` for momenta and ``"v_..."`` for rates of prescribed variables; the name of a joint for the
+        quaternion that it turns by. Multipliers, which the next step has its own of, are no part of it.
     offset : mapping of str to float, optional
         By how much entries change from the first state to the last, such as the place of a gait that advances.
     modulo : mapping of str to float, optional

@@ -131,12 +131,10 @@ def within_resolved(asked: DiscreteProblem) -> DiscreteProblem | None:
     more = resolved_rows(asked)
     if more is None:
         return None
-    rows = [*asked.parts.rows, *more]
     # A start that no roll-out can follow opens with gaps, where gaps are allowed.
     gapped: Gapped = "never" if asked.beginning.gapped == "never" else "where needed"
-    parts = asked.parts
-    within = DiscreteProblem(parts.system, parts.asked, asked.settings, rows, parts.free_start, gapped)
-    within.parts.work.count_on(parts.work)
+    within = asked.related([*asked.parts.rows, *more], gapped=gapped)
+    within.parts.work.count_on(asked.parts.work)
     return within
 
 

@@ -13,13 +13,14 @@ from leastaction.optimal.discrete.cost import Cost
 from leastaction.systems.costs.configurations import CostOfConfigurations
 from leastaction.systems.costs.words import weights_of_axes
 from leastaction.systems.midpoint import MidpointSystem
-from leastaction.systems.orientations import MissingTurn, Orientation, TurnedFrame, quaternions_of
+from leastaction.systems.orientations import MissingTurn, Orientation, TurnedFrame, known_quaternions
 
 
 class PricedTurns:
     """Half the weighted squares of the rotations by which frames miss wanted orientations, at n configurations.
 
-    ``turns``: what is missing, and its weights (3,). Derivatives are by the ``nv`` directions of configurations.
+    ``turns``: what is missing, and its weights (3,) or (n, 3). Derivatives are by the ``nv`` directions of
+    configurations.
     """
 
     def __init__(self, turns: Sequence[tuple[MissingTurn, Array]], nv: int) -> None:
@@ -29,7 +30,7 @@ class PricedTurns:
         """Return them (n,); ``rows``: which of the instants configurations are of."""
         total = np.zeros(len(q))
         for turn, weight in self.turns:
-            total += 0.5 * turn.values(q, rows) ** 2 @ weight
+            total += 0.5 * np.sum((weight if weight.ndim == 1 else weight[rows]) * turn.values(q, rows) ** 2, axis=1)
         return total
 
     def slopes(self, q: Array) -> Array:
@@ -46,7 +47,7 @@ class PricedTurns:
         for turn, weight in self.turns:
             e = turn.values(q)
             J = turn.jacobian(q, e)
-            total += J.transpose(0, 2, 1) @ (weight[:, None] * J)
+            total += J.transpose(0, 2, 1) @ (weight[..., None] * J)
             if exact:
                 total += turn.bent(q, e, weight * e)
         return total
@@ -67,7 +68,7 @@ class OrientationCost(CostOfConfigurations):
         Whose frames are meant.
     orientations : mapping of str to array_like (3, 3), (4,), (N+1, 3, 3) or (N+1, 4), or callable
         Rotations that are wanted of frames, by their names: matrices whose columns are the frame's axes in the world,
-        or unit quaternions, scalar first. Or a function of the time (s).
+        or unit quaternions, scalar first; all numbers NaN where any is as good. Or a function of the time (s).
     weights : mapping of str to float or array_like (3,)
         By the same names, in units of the cost by rad^2: of turns about all axes of the frame, or about x, y, z. 1 if
         left out.
@@ -87,17 +88,17 @@ class OrientationCost(CostOfConfigurations):
     ) -> None:
         given = {} if weights is None else weights
         super().__init__(cost, "orientations", system, orientations, given)
-        self._wanted = {
-            name: quaternions_of(each, f"orientations: {name!r}", system.t) for name, each in orientations.items()
-        }
-        self._weights = dict(zip(orientations, read_only(weights_of_axes(given, orientations)), strict=True))
+        self._wanted, self._weights = {}, {}
+        for (name, each), weight in zip(orientations.items(), weights_of_axes(given, orientations), strict=True):
+            self._wanted[name], known = known_quaternions(each, f"orientations: {name!r}", system.t)
+            self._weights[name] = read_only(weight if known.all() else weight * known[:, None])
         self._turns()  # an unknown frame is told here
 
     def own_window(self, start: int, stop: int, *, N: int, nu: int) -> Cost:
         other = self._over(start, stop, N, nu)
-        other._wanted = {
-            name: each if len(each) == 1 else each[start : stop + 1] for name, each in self._wanted.items()
-        }
+        rows = slice(start, stop + 1)
+        other._wanted = {name: each if len(each) == 1 else each[rows] for name, each in self._wanted.items()}
+        other._weights = {name: each if each.ndim == 1 else each[rows] for name, each in self._weights.items()}
         return other
 
     def _turns(self) -> PricedTurns:

@@ -49,7 +49,9 @@ def following_cost(
     goal, counts = x.copy(), np.ones((len(x), system.ndx))
     for name, values in wanted.items():
         if kinds[name] is WantedKind.TURN:
-            goal[:, quaternion_of(m, name)] = values
+            at, left_out = quaternion_of(m, name), np.isnan(values[:, 0])
+            goal[:, at] = np.where(left_out[:, None], x[:, at], values)
+            counts[left_out, turns_of(m, name)] = 0.0
         if kinds[name] is WantedKind.VALUE:
             place, left_out = m.coordinates.index(name), np.isnan(values)
             goal[:, place] = np.where(left_out, x[:, place], values)

@@ -29,6 +29,8 @@ def through(t: Array, values: Array) -> Array:
     """Return values (N+1, ...), smooth curves through the known in the place of NaN where anything is known."""
     from scipy.interpolate import PchipInterpolator  # slow to import, and not needed by most
 
+    if kind_of(values) in (WantedKind.TURN, WantedKind.ORIENTATION):
+        return _through_rotations(t, values)
     columns = values.reshape(len(t), -1).copy()
     for column in columns.T:
         known = np.flatnonzero(~np.isnan(column))
@@ -37,6 +39,22 @@ def through(t: Array, values: Array) -> Array:
         elif 0 < len(known) < len(t):
             column[:] = PchipInterpolator(t[known], column[known])(np.clip(t, t[known[0]], t[known[-1]]))
     return columns.reshape(values.shape)
+
+
+def _through_rotations(t: Array, values: Array) -> Array:
+    """Return the same of matrices (N+1, 3, 3) or quaternions (N+1, 4)."""
+    from scipy.spatial.transform import Rotation, RotationSpline
+
+    known = np.flatnonzero(~np.isnan(values).reshape(len(t), -1).any(axis=1))
+    if len(known) == len(t):
+        return values
+    q = values[known] if values.ndim == 2 else rotations.of_matrix(values[known])
+    if len(known) == 1:
+        q = np.tile(q, (len(t), 1))
+    else:
+        curve = RotationSpline(t[known], Rotation.from_quat(np.roll(q, -1, axis=1)))
+        q = rotations.continued(np.roll(curve(np.clip(t, t[known[0]], t[known[-1]])).as_quat(), 1, axis=1))
+    return q if values.ndim == 2 else rotations.matrix(q)
 
 
 def wanted_curve(system: MidpointSystem, wanted: Mapping[str, Array], start: State | None) -> tuple[Array, Array]:

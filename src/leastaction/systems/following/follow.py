@@ -22,15 +22,15 @@ from leastaction.optimal.discrete.cost import Cost
 from leastaction.optimal.limits.limit import Limit
 from leastaction.optimal.optimizer import optimized
 from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.space import Rotations
 from leastaction.systems.following.cost import following_cost
 from leastaction.systems.following.curves import held_still, through, wanted_curve, with_inputs
 from leastaction.systems.following.kinds import WantedKind, kind_of, quaternion_of
 from leastaction.systems.following.ways import Ways
 from leastaction.systems.midpoint import MidpointSystem
-from leastaction.systems.orientations import quaternions_of
+from leastaction.systems.orientations import known_quaternions
 
 _ROWS = "one row for each time"
+_SMOOTHED = 0.1  # by which the length of a quaternion between samples may miss one
 
 
 class Wanted(Protocol):
@@ -148,9 +148,9 @@ def follow(
         An arm, a cart, a puppet: what moves it are its inputs and its kinematic variables.
     motion : Wanted or mapping of str to array_like
         A `leastaction.io.Motion`, or by name what is wanted at all times: values (N+1,) of variables, places (N+1, 3)
-        of the origins of frames (m), rotations (N+1, 3, 3) of frames in the world, and unit quaternions (N+1, 4),
-        scalar first, by the name of a ball or free joint that turns as one. NaN of values and places where anything is
-        as good: of keyframes all but their instants.
+        of the origins of frames (m), rotations of frames in the world, matrices (N+1, 3, 3) or unit quaternions
+        (N+1, 4), scalar first, and such quaternions by the name of a ball or free joint that turns as one. NaN where
+        anything is as good: of keyframes all but their instants.
     weights : mapping of str to float, optional
         By names or patterns of them, of half the squares of: the distance of a wanted variable, joint or frame from
         where it is wanted, of a rotation the vector of the one that is missing (1 if left out); the place of a
@@ -229,33 +229,39 @@ def _wanted(
     if not given:
         raise ArgumentError("motion: got nothing that is wanted, expected values of variables or places of frames")
     # Of a quaternion neither its numbers nor its turns are wanted one by one.
+    for each in m.tree.rotations:
+        if all(name in given for name in each.quaternion):
+            numbers = {name: given.pop(name) for name in each.quaternion}
+            given[each.name] = _quaternions(numbers, len(times))
     plain, turns = [name for name in m.variables if name in m.coordinates], [each.name for each in m.tree.rotations]
+    for frame in m.frames:
+        axes = [f"{frame}.{axis}" for axis in "xyz"]
+        if given.keys() >= set(axes) and not set(axes) & set(plain):
+            rows = [as_wanted(given.pop(axis), f"motion: {axis!r}", (len(times),)) for axis in axes]
+            given[frame] = np.stack(rows, axis=1)
     found = {}
     for name, values in given.items():
         if name not in plain and name not in m.frames and name not in turns:
             known = closest(name, (*plain, *turns, *m.frames), what="variables, joints and frames")
             raise ArgumentError(f"motion: nothing is called {name!r}; {known}")
         n, what = len(times), f"motion: {name!r}"
-        shapes = [(n,)] * (name in plain) + [(n, 4)] * (name in turns) + [(n, 3), (n, 3, 3)] * (name in m.frames)
-        found[name] = _with_gaps(values, what, shapes)
-        if kind_of(found[name]) is WantedKind.TURN:
-            Rotations().check(found[name], what)
-        if kind_of(found[name]) is WantedKind.ORIENTATION:
-            quaternions_of(found[name], what, times)
+        shapes = [(n,)] * (name in plain) + [(n, 4)] * (name in turns or name in m.frames)
+        wanted = as_wanted(values, what, *shapes, *[(n, 3), (n, 3, 3)] * (name in m.frames), meaning=_ROWS)
+        if np.isnan(wanted).all():
+            raise ArgumentError(f"{what}: got nothing but NaN, expected numbers where something is wanted")
+        if kind_of(wanted) in (WantedKind.TURN, WantedKind.ORIENTATION):
+            q, is_known = known_quaternions(wanted, what, times)
+            if wanted.ndim == 2 and name not in turns:
+                wanted = np.where(is_known[:, None, None], rotations.matrix(q), np.nan)
+        found[name] = wanted
     return found, times
 
 
-def _with_gaps(values: ArrayLike, what: str, shapes: Sequence[tuple[int, ...]]) -> Array:
-    """Return wanted values as an array; NaN where nothing is wanted, but not everywhere."""
-    given = as_wanted(values, what, *shapes, meaning=_ROWS)
-    left_out = np.isnan(given)
-    if left_out.any() and kind_of(given) in (WantedKind.TURN, WantedKind.ORIENTATION):
-        raise ArgumentError(
-            f"{what}: got NaN, expected a rotation at every instant; only values and places may be left out"
-        )
-    if left_out.all():
-        raise ArgumentError(f"{what}: got nothing but NaN, expected numbers where something is wanted")
-    return given
+def _quaternions(numbers: Mapping[str, ArrayLike], n: int) -> Array:
+    """Return quaternions (n, 4) of their numbers, which a motion has smoothed one by one: of length one again."""
+    q = np.stack([as_wanted(each, f"motion: {name!r}", (n,)) for name, each in numbers.items()], axis=1)
+    length = np.linalg.norm(q, axis=1, keepdims=True)
+    return np.asarray(q / np.where(np.abs(length - 1.0) < _SMOOTHED, length, 1.0))
 
 
 def _cheaper(system: MidpointSystem, cost: Cost, x: Array, candidates: Sequence[Array]) -> Array:

@@ -10,6 +10,7 @@ import tempfile
 import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +26,15 @@ _MOST_PICTURES = 3000
 Picture = NDArray[np.uint8]
 
 
-def png(
-    scenes: Sequence[Scene], *, at: float | None, size: tuple[int, int], dark: bool, joints: bool, forces: bool
-) -> bytes:
+class Painted(NamedTuple):
+    """How pictures are painted: with a dark background, with joints and their axes, with forces."""
+
+    dark: bool = False
+    joints: bool = False
+    forces: bool = False
+
+
+def png(scenes: Sequence[Scene], how: Painted, *, at: float | None, size: tuple[int, int]) -> bytes:
     """Return a picture of scenes side by side at a time (s), as a PNG file.
 
     Raises `ArgumentError`: the time is outside of the motion, or the size is none.
@@ -36,10 +43,10 @@ def png(
     time = begin if at is None else as_number(at, "at")
     if not begin <= time <= end:
         raise ArgumentError(f"at: got {time:g} s, expected a time from {begin:g} to {end:g} s")
-    return png_file(_picture(staged(scenes), time, _checked(size), dark=dark, joints=joints, forces=forces))
+    return png_file(_picture(staged(scenes), time, _checked(size), how))
 
 
-def gif(scenes: Sequence[Scene], *, size: tuple[int, int], fps: float, dark: bool, joints: bool, forces: bool) -> bytes:
+def gif(scenes: Sequence[Scene], how: Painted, *, size: tuple[int, int], fps: float) -> bytes:
     """Return a movie as a GIF file.
 
     Raises `ArgumentError`: nothing moves, or Pillow is not installed.
@@ -50,7 +57,7 @@ def gif(scenes: Sequence[Scene], *, size: tuple[int, int], fps: float, dark: boo
         raise ArgumentError(_missing("a .gif", "Pillow")) from error
     # Browsers show no more than 50 pictures a second, and count in hundredths of it.
     pause = max(2, round(100.0 / _rate(fps)))
-    pictures = _pictures(scenes, 100.0 / pause, size, dark=dark, joints=joints, forces=forces)
+    pictures = _pictures(scenes, 100.0 / pause, size, how)
     frames = [Image.fromarray(picture) for picture in pictures]
     middle = frames[len(frames) // 2].quantize(colors=255, dither=Image.Dither.NONE)
     flat = [frame.quantize(palette=middle, dither=Image.Dither.NONE) for frame in frames]
@@ -59,7 +66,7 @@ def gif(scenes: Sequence[Scene], *, size: tuple[int, int], fps: float, dark: boo
     return file.getvalue()
 
 
-def mp4(scenes: Sequence[Scene], *, size: tuple[int, int], fps: float, dark: bool, joints: bool, forces: bool) -> bytes:
+def mp4(scenes: Sequence[Scene], how: Painted, *, size: tuple[int, int], fps: float) -> bytes:
     """Return a movie as an MP4 file.
 
     Raises `ArgumentError`: nothing moves, or imageio's FFmpeg is not installed.
@@ -77,7 +84,7 @@ def mp4(scenes: Sequence[Scene], *, size: tuple[int, int], fps: float, dark: boo
         with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as coder:
             assert coder.stdin is not None
             with contextlib.suppress(BrokenPipeError):  # it says why below
-                for picture in _pictures(scenes, fps, (width, height), dark=dark, joints=joints, forces=forces):
+                for picture in _pictures(scenes, fps, (width, height), how):
                     coder.stdin.write(picture.tobytes())
             _, told = coder.communicate()
         if coder.returncode != 0:
@@ -104,21 +111,17 @@ def _differences(picture: Picture) -> Picture:
     return picture - above  # modulo 256, as the format wants it
 
 
-def _picture(
-    stages: Sequence[Stage], time: float, size: tuple[int, int], *, dark: bool, joints: bool, forces: bool
-) -> Picture:
-    look = DARK_LOOK if dark else LIGHT_LOOK
+def _picture(stages: Sequence[Stage], time: float, size: tuple[int, int], how: Painted) -> Picture:
+    look = DARK_LOOK if how.dark else LIGHT_LOOK
     ends = np.linspace(0, size[0], len(stages) + 1).astype(int)
     parts = [
-        painted(stage, time, look, int(right - left), size[1], joints=joints, forces=forces)
+        painted(stage, time, look, int(right - left), size[1], joints=how.joints, forces=how.forces)
         for stage, left, right in zip(stages, ends[:-1], ends[1:], strict=True)
     ]
     return np.concatenate(parts, axis=1)
 
 
-def _pictures(
-    scenes: Sequence[Scene], fps: float, size: tuple[int, int], *, dark: bool, joints: bool, forces: bool
-) -> Iterator[Picture]:
+def _pictures(scenes: Sequence[Scene], fps: float, size: tuple[int, int], how: Painted) -> Iterator[Picture]:
     """Yield the pictures of a movie."""
     begin, end = _span(scenes)
     if end <= begin:
@@ -131,7 +134,7 @@ def _pictures(
         )
     stages, checked = staged(scenes), _checked(size)
     for k in range(max(count, 1)):
-        yield _picture(stages, begin + k / fps, checked, dark=dark, joints=joints, forces=forces)
+        yield _picture(stages, begin + k / fps, checked, how)
 
 
 def _span(scenes: Sequence[Scene]) -> tuple[float, float]:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.rotations import continued
-from leastaction.viz.scene import Scene
 from leastaction.viz.viewer import solids
 from leastaction.viz.viewer.solids import Solid
 from leastaction.viz.viewer.stage import Stage
@@ -123,7 +122,7 @@ def _panel(stage: Stage, meshes: _Meshes, share: float) -> dict[str, Any]:
             [arrow.name, arrow.kind, _encode(arrow.place[keep], "<f4"), _encode(arrow.vector[keep], "<f4")]
             for arrow in scene.arrows
         ],
-        "strongest": _strongest(scene),
+        "strongest": scene.strongest,
         "marks": [
             [mark.name, mark.kind, place[mark.frame], _rounded(mark.point), _rounded(mark.axis), list(mark.reach)]
             for mark in scene.marks
@@ -137,14 +136,6 @@ def _panel(stage: Stage, meshes: _Meshes, share: float) -> dict[str, Any]:
         "height": float(np.median(scene.points[scene.focus][:, 2]) if scene.focus else stage.centre[2]),
         "size": stage.size,
     }
-
-
-def _strongest(scene: Scene) -> dict[str, float]:
-    """Return how much the longest arrow of each kind stands for."""
-    found: dict[str, float] = {}
-    for arrow in scene.arrows:
-        found[arrow.kind] = max(found.get(arrow.kind, 1e-12), float(np.linalg.norm(arrow.vector, axis=1).max()))
-    return found
 
 
 def _places(paths: Mapping[str, Array], low: Array, step: Array) -> str:

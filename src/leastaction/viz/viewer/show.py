@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,7 @@ from leastaction.mechanics.description.shapes import Shape
 from leastaction.mechanics.mechanism.arguments import of_unit_length, single
 from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.names import as_names
 from leastaction.numerics.public import public
 from leastaction.optimal import LimitReport, LimitState
 from leastaction.systems.closed_loop import ClosedLoop
@@ -87,28 +88,28 @@ def show(
     listed += [] if beside is None else [beside]
     if not listed:
         raise ArgumentError("show: got an empty list, expected mechanisms, models, runs or results")
-    scenes = [
-        _scene(each, q=q, shapes=shapes, reference=reference if i == 0 else None, traces=traces, up=up, title=title)
-        for i, each in enumerate(listed)
-    ]
+    how = DrawnAs(shapes, reference, as_names(traces, "traces", "frames"), up, title)
+    first, *others = listed
+    scenes = [_scene(first, q, how), *(_scene(each, q, how._replace(reference=None)) for each in others)]
     return View(tuple(scenes), joints=joints, forces=forces)
 
 
-def _scene(
-    what: Any,
-    *,
-    q: ArrayLike | None,
-    shapes: Sequence[Shape] | None,
-    reference: Any,
-    traces: Sequence[str],
-    up: str | Sequence[float] | None,
-    title: str,
-) -> Scene:
+class DrawnAs(NamedTuple):
+    """How something is to be drawn, as `show` is asked."""
+
+    shapes: Sequence[Shape] | None
+    reference: Any
+    traces: Sequence[str]
+    up: str | Sequence[float] | None
+    title: str
+
+
+def _scene(what: Any, q: ArrayLike | None, how: DrawnAs) -> Scene:
     """Return the scene of one thing."""
     if isinstance(what, Scene):
         return what
-    own = tuple(getattr(what, "shapes", ()) if shapes is None else shapes)
-    called = title or getattr(what, "name", "") or "leastaction"
+    own = getattr(what, "shapes", ()) if how.shapes is None else how.shapes
+    how = how._replace(shapes=tuple(own), title=how.title or getattr(what, "name", "") or "leastaction")
     moves = isinstance(what, BaseTrajectory | Played | ClosedLoop)
     if isinstance(what, Mechanism) or not (moves or hasattr(what, "trajectory")):
         m = what if isinstance(what, Mechanism) else getattr(what, "mechanism", None)
@@ -118,28 +119,18 @@ def _scene(
                 "that knows its trajectory; of another result show(system.trajectory(result.x, result.u))"
             )
         at = m.configuration() if q is None else single(m, q)
-        return motion_scene(
-            m, np.zeros(1), at[None], shapes=own, reference=reference, traces=traces, up=up, title=called
-        )
+        return motion_scene(m, np.zeros(1), at[None], how)
     if q is not None:
         raise ArgumentError("q: only a mechanism or a model stands somewhere; a run has its own configurations")
     run = what if moves else what.trajectory
     if not isinstance(run, BaseTrajectory | Played | ClosedLoop) or run.mechanism is None:
         raise ArgumentError(f"show: what a {type(what).__name__} has over time is no motion of a mechanism")
-    scene = _run_scene(run, shapes=own, reference=reference, traces=traces, up=up, title=called)
+    scene = _run_scene(run, how)
     report = getattr(getattr(what, "result", what), "limits", None)  # what was followed has its result within
     return replace(scene, limits=active_limits(report, run.t)) if isinstance(report, LimitReport) else scene
 
 
-def _run_scene(
-    run: Any,
-    *,
-    shapes: Sequence[Shape],
-    reference: Any,
-    traces: Sequence[str],
-    up: str | Sequence[float] | None,
-    title: str,
-) -> Scene:
+def _run_scene(run: Any, how: DrawnAs) -> Scene:
     """Return the scene of a motion, with more instants where it moves fast between its own."""
     m, t = run.mechanism, run.t
     times = t
@@ -150,26 +141,16 @@ def _run_scene(
         misses = np.linalg.norm(m.positions(middle) - 0.5 * (places[1:] + places[:-1]), axis=2).max(axis=1)
         times = refined(t, misses, _SHARP * size)
     q = _between(run, times)
-    wanted = None
+    reference = how.reference
     if reference is not None:
         given = reference.q if isinstance(reference, BaseTrajectory) else reference
         array = np.atleast_2d(np.asarray(given, dtype=float))
         array = np.repeat(array, len(t), axis=0) if len(array) == 1 else array
         array = as_array(array, "reference", (len(t), m.nq), names=m.coordinates)
-        wanted = of_unit_length(m, np.column_stack([np.interp(times, t, column) for column in array.T]))
+        reference = of_unit_length(m, np.column_stack([np.interp(times, t, column) for column in array.T]))
     acts = Actions(run, times, q) if isinstance(run, BaseTrajectory) else None  # others have no multipliers
-    return motion_scene(
-        m,
-        times,
-        q,
-        shapes=shapes,
-        reference=wanted,
-        traces=traces,
-        up=up,
-        title=title,
-        tension=acts.tension() if acts else None,
-        arrows=acts.arrows() if acts else (),
-    )
+    tension, arrows = (acts.tension(), acts.arrows()) if acts else (None, ())
+    return motion_scene(m, times, q, how._replace(reference=reference), tension=tension, arrows=arrows)
 
 
 def _between(run: Any, times: Array) -> Array:
@@ -185,16 +166,14 @@ def motion_scene(
     m: Mechanism,
     t: Array,
     q: Array,
+    how: DrawnAs,
     *,
-    shapes: Sequence[Shape],
-    reference: ArrayLike | None,
-    traces: Sequence[str],
-    up: str | Sequence[float] | None,
-    title: str,
     tension: dict[str, Array] | None = None,
     arrows: Sequence[Arrow] = (),
 ) -> Scene:
     """Return the scene of a motion of a mechanism, upright and seen from its best side."""
+    shapes, reference, traces, up, title = how
+    assert shapes is not None
     for name in (*traces, *(shape.frame for shape in shapes)):
         m.frame_pose(q[0], name)  # which says what frames there are
     normal = plane_normal(m, q[0])

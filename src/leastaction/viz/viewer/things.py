@@ -246,10 +246,7 @@ def joints(stage: Stage, time: float, look: Look3D) -> list[Thing]:
 def arrows(stage: Stage, time: float, look: Look3D, thin: Callable[[Array, float], float]) -> list[Thing]:
     """Return forces, torques and reactions at a time; the strongest of each kind is 0.3 of the scene's size."""
     scene = stage.scene
-    strongest: dict[str, float] = {}
-    for each in scene.arrows:
-        strongest[each.kind] = max(strongest.get(each.kind, 1e-12), float(np.linalg.norm(each.vector, axis=1).max()))
-    found = []
+    strongest, found = scene.strongest, []
     for each in scene.arrows:
         p = at_time(each.place, scene.t, time)
         v = at_time(each.vector, scene.t, time) * (0.3 * stage.size / strongest[each.kind])

@@ -50,6 +50,11 @@ class View:
     joints: bool = False
     forces: bool = False
 
+    def __repr__(self) -> str:
+        """Say what is shown, and what to do with it."""
+        shown = ", ".join(repr(scene.title) for scene in self.scenes)
+        return f"<View of {shown}: .open() shows it in the browser, .save('view.html') writes it>"
+
     def page(self) -> str:
         """Return the page as HTML: one text that asks for nothing else."""
         return animation_page(self.scenes, joints=self.joints, forces=self.forces)
@@ -113,16 +118,16 @@ class View:
             The file could not be written; nothing was changed.
         """
         from leastaction.viz.viewer.gltf import glb
-        from leastaction.viz.viewer.movies import gif, mp4, png
+        from leastaction.viz.viewer.movies import Painted, gif, mp4, png
 
         if size is not None:
             size = _pixels(size)
-        still, moving = size or (1200, 800), size or (720, 480)
+        still, moving, how = size or (1200, 800), size or (720, 480), Painted(dark, self.joints, self.forces)
         made: dict[str, Callable[[], bytes]] = {
             ".html": lambda: self.page().encode("utf-8"),
-            ".png": lambda: png(self.scenes, at=at, size=still, dark=dark, joints=self.joints, forces=self.forces),
-            ".gif": lambda: gif(self.scenes, size=moving, fps=fps, dark=dark, joints=self.joints, forces=self.forces),
-            ".mp4": lambda: mp4(self.scenes, size=moving, fps=fps, dark=dark, joints=self.joints, forces=self.forces),
+            ".png": lambda: png(self.scenes, how, at=at, size=still),
+            ".gif": lambda: gif(self.scenes, how, size=moving, fps=fps),
+            ".mp4": lambda: mp4(self.scenes, how, size=moving, fps=fps),
             ".glb": lambda: glb(self.scenes),
         }
         ending = Path(path).suffix.lower()

@@ -106,7 +106,7 @@ def _transmission(actuator: Any, read: _ActuatorReader) -> Along:
             along, gear = _on_rotation(actuator, joint), 1.0
         else:
             along = of_joint(actuator.target, read.names)
-        what = f"the ball or free joint {actuator.target!r} does not move"
+        what = f"there is no joint {actuator.target!r} that moves"
     elif actuator.trntype == kinds.mjTRN_TENDON:
         along = of_tendon(actuator.target, read.spec, read.names, read.places)
         what = f"the tendon {actuator.target!r} goes by a ball or a free joint"

@@ -12,7 +12,7 @@ from leastaction.errors import DescriptionError
 from leastaction.mechanics.elements.base import Force
 from leastaction.mechanics.elements.compiler import Compiler, Scalar
 from leastaction.mechanics.elements.fields import DYNAMIC_SUM_OR_PATH, END, positive
-from leastaction.mechanics.elements.kinds import Kind, Number, Uses
+from leastaction.mechanics.elements.kinds import Kind, Number, Several, Uses
 from leastaction.mechanics.elements.scalars import Factors
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.names import check_name
@@ -107,7 +107,7 @@ class Damping(Force):
 
 
 @dataclass(frozen=True)
-class _OddPowers(Kind):
+class _OddPowers(Several):
     """The coefficients c1, c3, ... of odd powers; the last is positive."""
 
     def read(self, value: object, what: str) -> tuple[float, ...]:
@@ -120,14 +120,8 @@ class _OddPowers(Kind):
             kind.read(c, f"{what}: c{2 * i + 1}") for i, (kind, c) in enumerate(zip(kinds, value, strict=True))
         )
 
-    def numbers(self, field: str, value: Sequence[float]) -> dict[str, float]:
-        return {f"c{2 * i + 1}": c for i, c in enumerate(value)}
-
-    def with_number(self, field: str, value: Sequence[float], parameter: str, number: float) -> tuple[float, ...]:
-        return tuple({**self.numbers(field, value), parameter: number}.values())
-
-    def show(self, value: Sequence[float]) -> str:
-        return ", ".join(f"{name} {c:g}" for name, c in self.numbers("", value).items())
+    def named(self, field: str, count: int) -> list[str]:
+        return [f"c{2 * i + 1}" for i in range(count)]
 
 
 @public
