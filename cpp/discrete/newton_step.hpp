@@ -159,10 +159,10 @@ private:
     bool refresh(double dt, bool in_tree);
     bool factor_tree(double dt);
     bool factor_dense(double dt);
-    void make_bends();       // of balls
-    void add_bends();        // to the dense Newton matrix
+    void make_bends();                // of balls
+    void add_bends();                 // to the dense Newton matrix
     void make_ball_turns(double dt);  // for tree_, with them
-    void make_gradients();   // C1_ and C2_, where loops_ made do without
+    void make_gradients();            // C1_ and C2_, where loops_ made do without
     void make_start_gradients();
     void list_entries();
     void add_elements();  // forces into f_, potentials into L_q
