@@ -309,15 +309,13 @@ SmallMatrix<6> Lagrangian<T>::own_products(int joint, bool values) const
     struct Sums {
         Row vv{}, v_q{}, q_v{}, qq{};
     } rows[3];
-    const auto load = [](const double* from) {
-        Row out;
-        __builtin_memcpy(&out, from, sizeof(Row));
-        return out;
-    };
+    const auto load = [](const double* from, Row& to) { __builtin_memcpy(&to, from, sizeof(Row)); };
     for (int part = 0; part < (values ? 1 : parts); ++part) {
         const double* A = &AB_[values ? 0 : parts - 1 - part][joint * 12];
         for (int c = 0; c < 6; ++c) {
-            const Row S = load(&S_wide_[part][c * stride_ + joint]), W = load(&W_wide_[part][c * stride_ + joint]);
+            Row S, W, G;
+            load(&S_wide_[part][c * stride_ + joint], S);
+            load(&W_wide_[part][c * stride_ + joint], W);
             for (int i = 0; i < 3; ++i) {
                 const double a = A[i * 12 + c], b = A[i * 12 + 6 + c];
                 rows[i].vv += a * S;
@@ -326,7 +324,7 @@ SmallMatrix<6> Lagrangian<T>::own_products(int joint, bool values) const
                 rows[i].qq -= b * W;
             }
             if (c >= 3) continue;
-            const Row G = load(&G_wide_[part][c * stride_ + joint]);
+            load(&G_wide_[part][c * stride_ + joint], G);
             for (int i = 0; i < 3; ++i) rows[i].qq -= A[i * 12 + c] * G;
         }
     }
