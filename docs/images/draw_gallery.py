@@ -33,7 +33,7 @@ def main(numbers: set[int]) -> None:
         if found is None:
             raise SystemExit(f"{PAGE.name} has no section '## {number} ...'")
         block = f"```text\n{printed.rstrip()}\n```\n"
-        section = re.sub(r"```text\n.*?```\n", lambda _: block, found[0], flags=re.DOTALL)
+        section = re.sub(r"```text\n.*?```\n", lambda _, block=block: block, found[0], flags=re.DOTALL)
         page = f"{page[: found.start()]}{section}{page[found.end() :]}"
         PAGE.write_text(page, encoding="utf-8")
         print(f"{script.name}: {len(printed.splitlines())} lines")

@@ -291,7 +291,8 @@ def unknown(kind: str, name: object, known: Iterable[str], what: str = "") -> Ar
     has to be said.
     """
     given = f"{what}: " if what else ""
-    return ArgumentError(f"{given}unknown {kind} {name!r}; {closest(name, known, what=f'{kind}s')}")
+    kinds = " or ".join(f"{each}s" for each in kind.split(" or "))
+    return ArgumentError(f"{given}unknown {kind} {name!r}; {closest(name, known, what=kinds)}")
 
 
 def some(names: Sequence[str], most: int = 12) -> str:

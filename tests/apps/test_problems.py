@@ -179,7 +179,7 @@ def test_ctrl_c_keeps_the_last_iterate(folder: Path) -> None:
         ("q: {theta: 0.1}", "q: {theta: .nan}", r"line 5: start: .*nan"),
         ("q: {theta: 0.1}", "keyframe: home", r"line 5: start: unknown keyframe 'home'"),
         ("type: formula", "type: formel", r"wanted\[0\]\.type: got 'formel'; did you mean 'formula'"),
-        ("name: x, value", "name: xx, value", r"line 7: wanted\[0\]: .*unknown name 'xx'"),
+        ("name: x, value", "name: xx, value", r"line 7: wanted\[0\]: .*unknown variable or frame 'xx'"),
         ("0.2*sin(pi*t)", "0.2*sine(t)", r"wanted\[0\]: 'sine\(t\)': expected numbers, t, pi"),
         ("0.2*sin(pi*t)", "log(t - 5)", r"wanted\[0\]: the formula 'log\(t - 5\)' has no value at t = 0 s"),
         ("0.2*sin(pi*t)", "__import__('os')", r"wanted\[0\]: .*expected numbers"),
@@ -238,8 +238,19 @@ def test_wanted_columns_of_files(folder: Path) -> None:
     np.testing.assert_allclose(found["bob"][:, 0], np.linspace(0.0, 1.0, 51), atol=1e-12)
     found = wanted("{type: file, file: wanted.npz}")
     assert set(found) == {"x", "bob"}
+    rows = ["t [s],theta [deg],bob.x [mm],bob.y [m],bob.z [cm],pull [N]", *(f"{a},{90 * a},{1e3 * a},,0,5" for a in t)]
+    (folder / "wanted.csv").write_text("\n".join(rows))
+    for part in ("{type: file, file: wanted.csv}", "{type: file, file: wanted.csv, degrees: [theta]}"):
+        found = wanted(part)
+        np.testing.assert_allclose(found["theta"], np.linspace(0.0, np.pi / 2.0, 51), atol=1e-12)
+        np.testing.assert_allclose(found["bob"][:, 0], np.linspace(0.0, 1.0, 51), atol=1e-12)
+    with pytest.raises(ModelFileError, match="pull is in 'N', expected one of rad, m, mm"):
+        wanted("{type: file, file: wanted.csv, columns: {x: pull}}")
+    (folder / "wanted.csv").write_text("t,theta [rad]\n0,0\n1,1\n")
+    with pytest.raises(ModelFileError, match="theta is in 'rad', but degrees says that it is in degrees"):
+        wanted("{type: file, file: wanted.csv, degrees: [theta]}")
     (folder / "wanted.csv").write_text("t,theta\n0,0\n1,fast\n")
-    with pytest.raises(ModelFileError, match=r"wanted\.csv, line 3: theta: got 'fast'"):
+    with pytest.raises(ModelFileError, match=r"wanted\.csv, line 3: theta is 'fast', expected a number"):
         wanted("{type: file, file: wanted.csv}")
     (folder / "wanted.npz").write_bytes((folder / "wanted.npz").read_bytes()[:100])
     with pytest.raises(ModelFileError, match="it is no NPZ"):

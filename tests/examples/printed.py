@@ -6,7 +6,7 @@ import re
 
 _NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\d)")
 _NOTHING = 1e-5  # below it a number is what rounding or differences leave
-_ALIKE = 0.3  # of a number
+_ALIKE = 0.5  # of a number: iterations by another version of the core
 _TIMED = re.compile(r"\d (us|ms)\b")
 
 

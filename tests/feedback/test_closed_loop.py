@@ -143,7 +143,7 @@ def test_what_is_wrong_is_said():
         close_loop(system, np.zeros(3), UP, T)
     with pytest.raises(ArgumentError, match="plant: got int"):
         close_loop(3, law, UP, T)
-    with pytest.raises(ArgumentError, match="unknown state 'tehta'"):
+    with pytest.raises(ArgumentError, match="unknown name 'tehta'"):
         close_loop(system, law, UP, T, measure=["tehta"])
     with pytest.raises(ArgumentError, match="estimator: got int"):
         close_loop(system, law, UP, T, estimator=3)

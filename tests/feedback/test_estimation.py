@@ -237,7 +237,7 @@ def test_what_is_wrong_is_said():
     system, *_ = linear()
     good = {"measure": np.eye(4), "noise": 0.1, "process": 0.1, "x": np.zeros(4)}
     for change, words in (
-        ({"measure": ["x[9]"]}, "unknown state 'x\\[9\\]'"),
+        ({"measure": ["x[9]"]}, "unknown name 'x\\[9\\]'"),
         ({"measure": np.eye(3)}, "measure: got shape"),
         ({"noise": 0.0}, "noise: got a covariance with the eigenvalue 0"),
         ({"process": {"p_*": 1.0}}, "process: unknown name 'p_\\*'"),

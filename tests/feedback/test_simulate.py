@@ -121,7 +121,7 @@ WRONG = {
     "inputs": (lambda vi: la.simulate(vi, [0.0, 0.1], None, T, inputs=[0.0, 1.0], seed=0), r"inputs: got shape \(2,\)"),
     "no times": (lambda vi: la.simulate(vi, [0.0, 0.1], T), "simulate: lacks t"),
     "a velocity beside a state": (lambda vi: la.simulate(vi, vi.start([0.0, 0.1]), [0.0, 0.0], T), "beside a State"),
-    "a name": (lambda vi: la.simulate(vi, [0.0, 0.1], None, T, measure="thet"), "measure: unknown state 'thet'"),
+    "a name": (lambda vi: la.simulate(vi, [0.0, 0.1], None, T, measure="thet"), "measure: unknown name 'thet'"),
 }  # fmt: skip
 
 

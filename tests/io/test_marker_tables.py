@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from leastaction import Gravity, JointForce, Mechanism, follow, read_motion, ry, tz
+from leastaction.apps.cli.mechanism.conversion import converted
+from leastaction.apps.cli.mechanism.description import text_of
 from leastaction.errors import MotionFileError
 from leastaction.io import read_markers
 
@@ -86,3 +88,13 @@ def test_what_is_wrong_is_said(tmp_path: Path, name: str, text: str, message: st
 def test_a_trc_is_no_table_of_variables(tmp_path: Path) -> None:
     with pytest.raises(MotionFileError, match=r"leastaction\.io\.read_markers"):
         read_motion(written(tmp_path / "x.trc", TRC))
+
+
+def test_markers_are_saved_as_a_table_that_is_read_again(tmp_path: Path) -> None:
+    markers = read_markers(written(tmp_path / "x.trc", TRC))
+    again = read_markers(markers.save(tmp_path / "x.csv"))
+    assert again.names == markers.names
+    np.testing.assert_array_equal(again.places, markers.places)
+    assert text_of(str(tmp_path / "x.trc")).plain == "3 markers at 4 times over 0.06 s: HAND, ELB, ELB#2"
+    converted(tmp_path / "x.trc", tmp_path / "y.csv")
+    assert (tmp_path / "y.csv").read_bytes() == (tmp_path / "x.csv").read_bytes()

@@ -209,6 +209,11 @@ def test_what_cannot_be_shown() -> None:
         show([])
     with pytest.raises(ArgumentError, match="arm2"):
         show(m, traces=["arm2"])
+    with pytest.raises(ArgumentError, match="traces: expected a list of frames, got the string 'arm'"):
+        show(m, traces="arm")
+    assert repr(show(m, title="An arm")) == (
+        "<View of 'An arm': .open() shows it in the browser, .save('view.html') writes it>"
+    )
     with pytest.raises(ArgumentError, match="leg"):
         show(m, shapes=[Shape(frame="leg", kind="sphere", size=[1.0])])
     with pytest.raises(ArgumentError, match=r"q: got shape \(2,\)|q"):

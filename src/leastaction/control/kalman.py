@@ -97,8 +97,8 @@ class KalmanFilter:
     system : DiscreteSystem
         Such as a `MidpointSystem`. After its last step the filter goes on with steps like that one.
     measure : str, sequence of str, Quantity, callable or array_like
-        What is read: entries of the state by name with wildcards (``["shoulder", "elbow"]``), a `Quantity` of the
-        state, a function ``h(x)``, or a matrix (ny, nx).
+        What is read: entries of the state by name with wildcards (``["shoulder", "elbow"]``), of a ball or free joint
+        its quaternion, of either sign; a `Quantity` of the state, a function ``h(x)``, or a matrix (ny, nx).
     noise : float, array_like or mapping
         Of readings: standard deviations, one for all, (ny,), or by name; or a covariance (ny, ny).
     process : float, array_like, mapping or callable
@@ -197,7 +197,7 @@ class KalmanFilter:
         ArgumentError
             A wrong shape, or readings that are not finite: leave out what was not read by not calling this.
         """
-        y = of_an_instant(y, "y", self.readings.names)
+        y = self.readings.given(y, self.x, self.k)
         if self.kind == "extended":
             C = self.readings.jacobian(self.x, self.k)
             expected, cross, S = self.readings(self.x, self.k), self.P @ C.T, C @ self.P @ C.T + self.V

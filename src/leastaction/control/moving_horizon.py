@@ -147,7 +147,7 @@ class MovingHorizonEstimator:
         ArgumentError
             A wrong shape, or readings that are not finite.
         """
-        given = of_an_instant(y, "y", self.readings.names)
+        given = self.readings.given(y, self.x)
         self.innovation = given - self.readings(self.x, 0)
         self._y[-1] = given
         n = len(self._u)

@@ -54,6 +54,9 @@ class Readings:
         else:
             self.names, self._matrix = _chosen(system, measure)
         self.ny = len(self.names)
+        stems = {name.removesuffix(".qw") for name in self.names if name.endswith(".qw")}
+        each = ([f"{stem}.q{letter}" for letter in "wxyz"] for stem in stems)
+        self._quaternions = [[self.names.index(one) for one in four] for four in each if set(four) <= set(self.names)]
 
     def __call__(self, x: Array, k: int = 0) -> Array:
         """Return the readings (ny,) of a state, without noise."""
@@ -63,6 +66,18 @@ class Readings:
             return as_array(self._function(read_only(x)), "measure(x)", (self.ny,), meaning="(ny,)")
         assert self._quantity is not None
         return np.asarray(self._quantity.values(self._at(x, k))[0])
+
+    def given(self, y: ArrayLike, x: Array, k: int = 0) -> Array:
+        """Return readings (ny,) as an array of their own, given where the state is believed to be.
+
+        A quaternion and its negative are the same rotation: here the nearer of both.
+
+        Raises `ArgumentError`: a wrong shape, or numbers that are not finite.
+        """
+        out = of_an_instant(y, "y", self.names)
+        for four in self._quaternions:
+            out[four] *= 1.0 if out[four] @ self(x, k)[four] >= 0.0 else -1.0
+        return out
 
     def jacobian(self, x: Array, k: int = 0) -> Array:
         """Return their derivatives (ny, ndx) by the directions in which a state moves."""
@@ -99,12 +114,7 @@ def _chosen(system: System, measure: Any) -> tuple[tuple[str, ...], Array]:
     names = system.state_names
     given = (measure,) if isinstance(measure, str) else measure
     if isinstance(given, (list, tuple)) and given and all(isinstance(name, str) for name in given):
-        places: list[int] = []
-        for name in given:
-            found = matching(names, name)
-            if not found:
-                raise unknown("state", name, names, "measure")
-            places += found
+        places = [place for name in given for place in system.free_entries([name], "measure")]
         return tuple(names[i] for i in places), np.eye(system.nx)[places]
     C = as_array(measure, "measure", (None, system.nx), meaning="(ny, nx); or give names of entries of the state")
     return tuple(f"y[{i}]" for i in range(len(C))), C.copy()
@@ -143,9 +153,7 @@ def covariance_of_states(spread: Spread, system: System, what: str) -> Array:
         return covariance(spread, count, what, definite=False)
     deviations = np.zeros(system.ndx)
     for name, value in spread.items():
-        places = matching(names, name)
-        if not places:
-            raise unknown("name", name, names, what)
+        places = system.free_entries([name], what)
         deviations[space.pattern[places].any(axis=0)] = value
     return np.diag(deviations**2)
 

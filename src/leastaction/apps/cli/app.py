@@ -119,8 +119,8 @@ def info(file: str, /, *, json: Annotated[bool, Parameter(group=OUTPUT, negative
     Parameters
     ----------
     file
-        A run or a result (.h5, .npz), a run of the marionette (trajectory.npz), a capture (.bvh, .amc), or a model:
-        URDF, MJCF, YAML, the name of a ready one.
+        A run or a result (.h5, .npz), a run of the marionette (trajectory.npz), a capture (.bvh, .amc, .c3d, .trc), or
+        a model: URDF, MJCF, YAML, the name of a ready one.
     json
         Print it as JSON.
     """

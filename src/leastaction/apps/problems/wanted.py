@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,11 +10,13 @@ import numpy as np
 
 from leastaction.apps.problems import records
 from leastaction.apps.problems.formulas import formula
-from leastaction.errors import ArgumentError, LeastActionError, unknown
+from leastaction.errors import ArgumentError, LeastActionError, ResultFileError, unknown
 from leastaction.io.mechanisms import Model
 from leastaction.io.motion import forward_kinematics, read_capture
+from leastaction.io.motion.table import UNITS
 from leastaction.mechanics import Mechanism
 from leastaction.numerics.arrays import Array
+from leastaction.numerics.dataset.tables import read_table
 from leastaction.numerics.documents import Document, Place
 from leastaction.numerics.names import matching
 
@@ -74,7 +74,7 @@ def _width(m: Mechanism, name: str) -> int:
         return 1
     if name in m.frames:
         return 3
-    raise unknown("name", name, (*m.variables, *m.frames), "of a variable or a frame")
+    raise unknown("variable or frame", name, (*m.variables, *m.frames))
 
 
 def _entry(value: Any, width: int, name: str) -> Any:
@@ -135,7 +135,7 @@ def _matching(variables: Sequence[str], pattern: str) -> list[int]:
 
 def _file(part: records.FilePart, m: Mechanism, t: Array, folder: Path) -> dict[str, Array]:
     path = folder / part.file
-    table = _table(path)
+    table, units = _table(path)
     if "t" not in table:
         raise ArgumentError(f"{path}: it has no column t, the times (s)")
     times = table.pop("t")
@@ -154,11 +154,13 @@ def _file(part: records.FilePart, m: Mechanism, t: Array, folder: Path) -> dict[
         for each in columns:
             if each not in table:
                 raise unknown("column", each, table, str(path))
-        values = np.stack([table[each] for each in columns], axis=-1)
+        turned = name in part.degrees
+        given = [_in_rad_or_m(path, table[each], each, units.get(each, ""), degrees=turned) for each in columns]
+        values = np.stack(given, axis=-1)
         values = values[..., 0] if values.shape[-1] == 1 else values
         if values.shape != ((len(times),) if width == 1 else (len(times), 3)):
             raise ArgumentError(f"{path}: {column!r}: got shape {values.shape} for {len(times)} times")
-        found[name] = _at(times, np.radians(values) if name in part.degrees else values, t)
+        found[name] = _at(times, values, t)
     return found
 
 
@@ -169,34 +171,34 @@ def _at(times: Array, values: Array, t: Array) -> Array:
     return made.reshape(len(t), *values.shape[1:])
 
 
-def _table(path: Path) -> dict[str, Array]:
-    """Return columns by name."""
+def _table(path: Path) -> tuple[dict[str, Array], dict[str, str]]:
+    """Return columns by name, the times first as "t", and the units that a header says."""
     kind = path.suffix.lower()
     if not path.is_file():
         raise ArgumentError(f"{path}: there is no such file")
     if kind == ".npz":
         try:
             with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
-                return {name: np.asarray(stored[name], dtype=np.float64) for name in stored.files}
+                return {name: np.asarray(stored[name], dtype=np.float64) for name in stored.files}, {}
         except Exception as error:
             raise ArgumentError(f"{path}: it is no NPZ of numbers: {error}") from None
     if kind != ".csv":
         raise ArgumentError(f"{path}: got the ending {kind!r}, expected .csv or .npz")
-    with path.open(newline="", encoding="utf-8-sig") as text:
-        rows = [row for row in csv.reader(text) if any(cell.strip() for cell in row)]
-    if len(rows) < 2:
-        raise ArgumentError(f"{path}: expected a line of names and lines of numbers")
-    names = [re.sub(r"\s*\[[^\]]*\]$", "", cell.strip()) for cell in rows[0]]  # "x [m]" is x
-    columns: dict[str, list[float]] = {name: [] for name in names}
-    for line, row in enumerate(rows[1:], start=2):
-        if len(row) != len(names):
-            raise ArgumentError(f"{path}, line {line}: got {len(row)} cells, expected {len(names)}")
-        for name, cell in zip(names, row, strict=True):
-            try:
-                columns[name].append(float(cell) if cell.strip() else np.nan)
-            except ValueError:
-                raise ArgumentError(f"{path}, line {line}: {name}: got {cell!r}, expected a number") from None
-    return {name: np.array(values) for name, values in columns.items()}
+    try:
+        table = read_table(path)
+    except ResultFileError as error:
+        raise ArgumentError(str(error)) from None
+    columns = {"t": table.t, **{each.name: each.values for each in table.columns}}
+    return columns, {each.name: each.unit for each in table.columns if each.unit}
+
+
+def _in_rad_or_m(path: Path, values: Array, column: str, unit: str, *, degrees: bool) -> Array:
+    """Return a column without its unit; ``degrees``: the problem says that it is in degrees."""
+    if unit not in UNITS:
+        raise ArgumentError(f"{path}: {column} is in {unit!r}, expected one of {', '.join(filter(None, UNITS))}")
+    if degrees and unit and UNITS[unit] != UNITS["deg"]:
+        raise ArgumentError(f"{path}: {column} is in {unit!r}, but degrees says that it is in degrees; leave that out")
+    return values * (UNITS["deg"] if degrees else UNITS[unit])
 
 
 def _capture(part: records.CapturePart, m: Mechanism, t: Array, folder: Path) -> dict[str, Array]:

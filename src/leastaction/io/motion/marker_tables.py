@@ -62,9 +62,13 @@ def read_csv(source: Path, unit: str | None) -> tuple[tuple[str, ...], Array, Ar
     return names, table.t, np.stack(values, axis=1).reshape(len(table.t), len(names), 3)
 
 
+class _TrcLines(MotionText):
+    """The lines of a TRC."""
+
+
 def read_trc(source: Path, unit: str | None) -> tuple[tuple[str, ...], Array, Array]:
     """Return names, times (F,) and places (F, n, 3) in m of a TRC; an empty field is a marker that was not seen."""
-    text = MotionText(source, read_text(source, "a TRC"))
+    text = _TrcLines(source, read_text(source, "a TRC"))
     rows = [line.split("\t") for line in text.lines]
     text.line = 1
     if not rows or not rows[0][0].startswith("PathFileType"):

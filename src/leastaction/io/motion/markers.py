@@ -15,6 +15,7 @@ from leastaction.errors import ArgumentError, MotionFileError, closest, some
 from leastaction.io.motion.marker_tables import METRES, factor, named_apart, read_csv, read_trc
 from leastaction.io.motion.motion import count_steps
 from leastaction.numerics.arrays import Array, as_choice, as_number, require_mapping
+from leastaction.numerics.dataset import Column, Dataset, Savable, table
 from leastaction.numerics.extras import extra
 from leastaction.numerics.public import public
 
@@ -26,7 +27,7 @@ _BIG_ENDIAN: Final = 86
 
 @public
 @dataclass(frozen=True, eq=False)
-class Markers:
+class Markers(Savable):
     """Places of named markers over time; `follow` takes them where their names are those of frames.
 
     Frozen; threads may share it.
@@ -63,6 +64,12 @@ class Markers:
         object.__setattr__(self, "names", names)
         object.__setattr__(self, "t", t)
         object.__setattr__(self, "places", places)
+
+    def dataset(self) -> Dataset:
+        places = self.places.reshape(len(self.t), -1)
+        names = [f"{name}.{axis}" for name in self.names for axis in "xyz"]
+        columns = [Column(name, "m", values) for name, values in zip(names, places.T, strict=True)]
+        return table(self.t, columns, content={"source": self.source})
 
     def __str__(self) -> str:
         """Say how many there are, for how long, and their names."""

@@ -14,10 +14,11 @@ from leastaction.io.motion.motion import Motion
 from leastaction.numerics.dataset import Dataset
 from leastaction.numerics.dataset.tables import read_table
 
-_FACTORS: Final[Mapping[str, float]] = {
+UNITS: Final[Mapping[str, float]] = {
     "": 1.0, "rad": 1.0, "m": 1.0, "mm": 1e-3, "cm": 1e-2, "deg": np.pi / 180.0, "degrees": np.pi / 180.0,
     "°": np.pi / 180.0, "radians": 1.0, "metres": 1.0, "meters": 1.0,
 }  # fmt: skip
+"""What a unit in a header is in rad or m; a column without one is taken as it is."""
 
 
 def read_table_motion(path: str | os.PathLike[str]) -> Motion:
@@ -33,10 +34,10 @@ def read_table_motion(path: str | os.PathLike[str]) -> Motion:
     if not table.columns:
         raise MotionFileError(f"{source}: holds no columns but the time, expected some with names")
     for column in table.columns:
-        if column.unit not in _FACTORS:
+        if column.unit not in UNITS:
             raise MotionFileError(
                 f"{source}: {column.name} is in {column.unit!r}, expected an angle or a length: "
-                f"{', '.join(filter(None, _FACTORS))}"
+                f"{', '.join(filter(None, UNITS))}"
             )
         missing = np.flatnonzero(~np.isfinite(column.values))
         if len(missing):
@@ -53,8 +54,8 @@ def read_table_motion(path: str | os.PathLike[str]) -> Motion:
 def motion_of(table: Dataset) -> Motion | None:
     """Return a table as a motion, in rad and m; None where a column is something else, or not known throughout."""
     columns = table.columns
-    known = all(each.unit in _FACTORS and np.isfinite(each.values).all() for each in columns)
+    known = all(each.unit in UNITS and np.isfinite(each.values).all() for each in columns)
     if not known or len(table.t) < 2 or not columns:
         return None
-    q = np.column_stack([each.values * _FACTORS[each.unit] for each in columns])
+    q = np.column_stack([each.values * UNITS[each.unit] for each in columns])
     return Motion(tuple(each.name for each in columns), table.t, q, str(table.content.get("source", "")))

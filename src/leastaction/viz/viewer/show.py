@@ -15,6 +15,7 @@ from leastaction.mechanics.description.shapes import Shape
 from leastaction.mechanics.mechanism.arguments import of_unit_length, single
 from leastaction.mechanics.mechanism.trajectory import BaseTrajectory
 from leastaction.numerics.arrays import Array, as_array
+from leastaction.numerics.names import as_names
 from leastaction.numerics.public import public
 from leastaction.optimal import LimitReport, LimitState
 from leastaction.systems.closed_loop import ClosedLoop
@@ -87,7 +88,7 @@ def show(
     listed += [] if beside is None else [beside]
     if not listed:
         raise ArgumentError("show: got an empty list, expected mechanisms, models, runs or results")
-    how = DrawnAs(shapes, reference, traces, up, title)
+    how = DrawnAs(shapes, reference, as_names(traces, "traces", "frames"), up, title)
     first, *others = listed
     scenes = [_scene(first, q, how), *(_scene(each, q, how._replace(reference=None)) for each in others)]
     return View(tuple(scenes), joints=joints, forces=forces)

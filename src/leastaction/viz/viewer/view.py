@@ -50,6 +50,11 @@ class View:
     joints: bool = False
     forces: bool = False
 
+    def __repr__(self) -> str:
+        """Say what is shown, and what to do with it."""
+        shown = ", ".join(repr(scene.title) for scene in self.scenes)
+        return f"<View of {shown}: .open() shows it in the browser, .save('view.html') writes it>"
+
     def page(self) -> str:
         """Return the page as HTML: one text that asks for nothing else."""
         return animation_page(self.scenes, joints=self.joints, forces=self.forces)

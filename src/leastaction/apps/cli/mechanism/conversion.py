@@ -10,7 +10,10 @@ from leastaction.errors import ArgumentError
 from leastaction.models import MODELS
 
 _RUNS = (".h5", ".npz")
-_MOTIONS = (".bvh", ".amc", ".csv")
+MARKER_FILES = (".c3d", ".trc")
+"""Endings of captures by markers."""
+
+_MOTIONS = (".bvh", ".amc", ".csv", *MARKER_FILES)
 _TARGETS = {"model": (".yaml", ".yml", ".json"), "run": (".h5", ".npz", ".csv", ".mat"), "motion": (".csv",)}
 
 
@@ -31,8 +34,10 @@ def converted(source: Path, target: Path, options: ModelOptions | None = None) -
         from leastaction.io import open as open_file
 
         return open_file(source).save(target)
-    from leastaction.io import read_capture, read_motion
+    from leastaction.io import read_capture, read_markers, read_motion
 
+    if source.suffix.lower() in MARKER_FILES:
+        return read_markers(source).save(target)
     motion = read_motion(source) if source.suffix.lower() == ".csv" else read_capture(source).motion()
     return motion.save(target)
 

@@ -10,6 +10,7 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from leastaction.apps.cli.applications import Application, applications
+from leastaction.apps.cli.mechanism.conversion import MARKER_FILES
 from leastaction.apps.cli.mechanism.source import MODEL_FILES, left_out, model_of
 from leastaction.io.mechanisms import Model
 
@@ -53,13 +54,15 @@ def _read(file: str) -> Any:
     if _is_model(file):
         return model_of(file)
     from leastaction.io import open as open_file
-    from leastaction.io import read_capture
+    from leastaction.io import read_capture, read_markers
 
+    if Path(file).suffix.lower() in MARKER_FILES:
+        return read_markers(file)
     return read_capture(file) if _is_capture(file) else open_file(file)
 
 
 def _is_capture(file: str) -> bool:
-    return Path(file).suffix.lower() in (".bvh", ".amc")
+    return Path(file).suffix.lower() in (".bvh", ".amc", *MARKER_FILES)
 
 
 def _is_model(file: str) -> bool:
