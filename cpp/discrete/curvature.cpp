@@ -47,12 +47,12 @@ void SecondOrder::hessian(double dt, const FirstOrder& first) {
         begin_turned(dt);
     else
         turned_middle_.set({}, dt);
+    begin_middle(dt);
     add_lagrangian(dt);
     add_potentials();
-    if (!turned_) add_instant_forces();
     add_forces(dt);
     if (turned_) add_bends(dt);
-    if (turned_) add_instant_forces();  // whose turns are those of the start alone
+    add_instant_forces();  // of which balls have the turns of the start alone
     const bool at_ends = turned_ && (nc_ > 0 || prescribed_turns_ || !mechanism_.instant_forces.empty());
     if (at_ends) begin_turned_ends();
     add_constraints();
@@ -79,8 +79,8 @@ void SecondOrder::add_lagrangian(double dt) {
     const auto [mu_z, w_z, n_z] = directions();
     for (int i = 0; i < nq_; ++i) {
         const double mu = i < n_z ? mu_z[i] : 0.0, w = i < n_z ? w_z[i] : 0.0;
-        dual_q_[i] = {0.5 * (q1[i] + q2[i]), 0.5 * dt * (mu + w)};
-        dual_v_[i] = {(q2[i] - q1[i]) / dt, w - mu};
+        dual_q_[i] = {q_mid_[i], 0.5 * dt * (mu + w)};
+        dual_v_[i] = {v_[i], w - mu};
         dual_q1_[i] = {q1[i], i < nd_ ? mu_[i] : 0.0};
     }
     if (turned_) place_dual_balls();
@@ -125,7 +125,7 @@ void SecondOrder::add_potentials() {
     });
 }
 
-void SecondOrder::begin_forces(double dt) {
+void SecondOrder::begin_middle(double dt) {
     const double km = kappa_minus(split_, dt), kp = kappa_plus(split_, dt);
     const auto [mu_z, w_z, n_z] = directions();
     for (int i = 0; i < nd_; ++i) mu_force_[i] = km * mu_z[i] + kp * w_z[i];
@@ -141,7 +141,6 @@ void SecondOrder::add_forces(double dt) {
     const Mechanism& m = mechanism_;
     if (m.forces.empty() && !turned_) return;
     const int at_u = nq_ + nd_;
-    begin_forces(dt);
     const double time = t + 0.5 * dt;
     turned_middle_.visit([&](const auto& turned) {
         each_force_curvature(m.forces, m.force_joints, time, [&](const auto& force, std::size_t size, const auto& P) {
@@ -294,7 +293,7 @@ double SecondOrder::by_time_step(double dt, const FirstOrder& first, MidpointSte
     for_each_entry(
         m.forces, middle, force_, [&](int i, int j, double f_q, double) { by_q[j] += c[i] * f_q; },
         [&](int i, int input, double f_u) { by_u[input] += c[i] * f_u; });
-    begin_forces(dt);
+    begin_middle(dt);
     each_force_curvature(m.forces, m.force_joints, t + 0.5 * dt,
                          [&](const auto& force, std::size_t size, const auto& second) {
                              const auto &support = force.support(), &inputs = force.inputs();

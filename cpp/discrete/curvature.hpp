@@ -107,7 +107,7 @@ private:
     void add_prescribed_turns();
     void add_lagrangian(double dt);
     void add_potentials();
-    void begin_forces(double dt);
+    void begin_middle(double dt);
     void add_forces(double dt);
     void add_instant_forces();
     // Calls sink(force, size, second) with the Hessian of mu_force_.f by [q; v; u], (size, size), at q_mid_, v_, u, time.

@@ -173,6 +173,7 @@ inline void MidpointStep::middle_of(double dt) {
     if (!mechanism_->balls.empty()) turn_ends();
     lagrangian_.at.time = t + 0.5 * dt;
     lagrangian_.gradient(q_mid_.data(), v_.data());
+    if (tree_ && turned_middle_.turns()) kernel_slopes_ = lagrangian_.L_q;
     add_elements();
 }
 
@@ -309,14 +310,14 @@ bool MidpointStep::factor_tree(double dt) {
         const JointVectors at = lagrangian_.vectors(joint);
         note_inertia(i, std::inner_product(at.S, at.S + 6, at.AB, inertia_[i]));
     }
-    if (turned_middle_.turns()) make_ball_turns();
+    if (turned_middle_.turns()) make_ball_turns(dt);
     element_matrix(dt, [&](int i, int j, double value) {
         const int ball = turned_middle_.ball_of(i);
         if (ball < 0) {
             diagonal_[i] += value;
         } else {
             const int first = mechanism_->balls[ball].variable;
-            ball_turns_[ball].more[i - first][j - first] += value;
+            ball_turns_[ball].more.rows[i - first][j - first] += value;
         }
     });
     if (!tree_->factor(lagrangian_, dt, diagonal_.data(), ball_turns_.data())) return false;

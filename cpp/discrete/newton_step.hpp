@@ -159,10 +159,10 @@ private:
     bool refresh(double dt, bool in_tree);
     bool factor_tree(double dt);
     bool factor_dense(double dt);
-    void make_bends();       // of balls
-    void add_bends();        // to the dense Newton matrix
-    void make_ball_turns();  // for tree_, with them
-    void make_gradients();   // C1_ and C2_, where loops_ made do without
+    void make_bends();                // of balls
+    void add_bends();                 // to the dense Newton matrix
+    void make_ball_turns(double dt);  // for tree_, with them
+    void make_gradients();            // C1_ and C2_, where loops_ made do without
     void make_start_gradients();
     void list_entries();
     void add_elements();  // forces into f_, potentials into L_q
@@ -211,6 +211,7 @@ private:
     std::vector<Turning> turnings_;
     TurnedMiddle turned_middle_;
     std::vector<BallTurn> ball_turns_;                  // for tree_
+    std::vector<double> kernel_slopes_;                 // L_q without elements, for these
     std::vector<Turning::Matrix6> bends_;               // by ball and the ends of its step: what no pair of joints has
     std::vector<double> placed_, raw_start_, raw_end_;  // and the rows D1Ld + fd- and D2Ld + fd+ before they are turned
     std::unique_ptr<TimeSlopes> by_time_;               // null where nothing changes with the time

@@ -50,10 +50,8 @@ void SecondOrder::place_balls() {
 }
 
 void SecondOrder::place_dual_balls() {
-    place_balls();
     for (const Ball& ball : mechanism_.balls)
         for (int i = 0; i < 4; ++i) {
-            if (i < 3) dual_q_[ball.variable + i].v = 0.0;
             dual_q_[ball.quaternion + i] = q_mid_[ball.quaternion + i];
             dual_q1_[ball.quaternion + i] = q1[ball.quaternion + i];
         }

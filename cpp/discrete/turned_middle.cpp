@@ -15,10 +15,10 @@ TurnedMiddle::TurnedMiddle(const Mechanism& m) : mechanism_(m), ball_of_(m.n_var
     }
 }
 
-void TurnedMiddle::Ends::set(int variable, const Matrix6& of, double rate) {
-    first = variable;
-    by = {0.5 * of.aa - rate * of.ab, 0.5 * of.aa + rate * of.ab, 0.5 * of.ba - rate * of.bb,
-          0.5 * of.ba + rate * of.bb};
+void TurnedMiddle::Slopes::make(double rate) const {
+    ends_.by = {0.5 * of_.aa - rate * of_.ab, 0.5 * of_.aa + rate * of_.ab, 0.5 * of_.ba - rate * of_.bb,
+                0.5 * of_.ba + rate * of_.bb};
+    made_ = true;
 }
 
 // From (theta, nu) by (s, d) to (theta, nu/dt) by (s, d/dt).
@@ -30,14 +30,14 @@ void TurnedMiddle::set_balls(const std::vector<Turning>& turnings) {
     for (std::size_t b = 0; b < balls_.size(); ++b) {
         const Ball& ball = mechanism_.balls[b];
         const Matrix6 by = scaled(ball.prescribed ? GivenTurning(turnings[b].phi()).slope() : turnings[b].slope());
-        balls_[b].ends.set(ball.variable, by, rate_);
+        balls_[b].middle.set(ball.variable, by);
         if (place_in_joints_[b] >= 0) joints_[place_in_joints_[b]].by = by;
     }
 }
 
 void TurnedMiddle::set_field(std::size_t ball, const Matrix6& slope) {
     const Matrix6 along = scaled(slope);
-    balls_[ball].field_ends.set(mechanism_.balls[ball].variable, along, rate_);
+    balls_[ball].field.set(mechanism_.balls[ball].variable, along);
     if (place_in_joints_[ball] >= 0) joints_[place_in_joints_[ball]].along = along;
 }
 

@@ -63,15 +63,15 @@ public:
     void each_end(int i, const F& f) const {
         const int ball = ball_of_[i];
         if (ball < 0) return f(i, ByEnds{0.5, 0.5, -rate_, rate_});
-        balls_[ball].ends.each(i, f);
+        balls_[ball].middle.ends(rate_).each(i, f);
     }
     // The same of the change of variable i of the field, of balls alone.
     template <class F>
     void each_field_end(int i, const F& f) const {
-        if (ball_of_[i] >= 0) balls_[ball_of_[i]].field_ends.each(i, f);
+        if (ball_of_[i] >= 0) balls_[ball_of_[i]].field.ends(rate_).each(i, f);
     }
     // (theta, theta') of a ball by turns of the start and the end.
-    const Turning::Matrix6& by_ends(std::size_t ball) const { return balls_[ball].ends.by; }
+    const Turning::Matrix6& by_ends(std::size_t ball) const { return balls_[ball].middle.ends(rate_).by; }
     int ball_of(int variable) const { return ball_of_[variable]; }  // -1: none
 
 private:
@@ -79,7 +79,6 @@ private:
     struct Ends {
         int first;
         Matrix6 by;  // (theta, theta') by the start and the end
-        void set(int variable, const Matrix6& of, double rate);
         template <class F>
         void each(int i, const F& f) const {
             const int row = i - first;
@@ -87,8 +86,27 @@ private:
                 f(first + k, ByEnds{by.aa(row, k), by.ab(row, k), by.ba(row, k), by.bb(row, k)});
         }
     };
+    // By (s, d/dt), and by the ends where these are asked for.
+    class Slopes {
+    public:
+        void set(int variable, const Matrix6& of) {
+            ends_.first = variable;
+            of_ = of;
+            made_ = false;
+        }
+        const Ends& ends(double rate) const {
+            if (!made_) make(rate);
+            return ends_;
+        }
+
+    private:
+        void make(double rate) const;
+        Matrix6 of_;
+        mutable Ends ends_;
+        mutable bool made_ = false;
+    };
     struct TurnedBall {
-        Ends ends, field_ends;
+        Slopes middle, field;
     };
     void set_balls(const std::vector<Turning>& turnings);
     template <class F>

@@ -11,6 +11,22 @@ bool is_free_slide(const Joint& joint, int n_dynamic) {
     return joint.axis >= Axis::tx && joint.axis <= Axis::tz && joint.simple && joint.variable < n_dynamic;
 }
 
+// Second derivatives of L by three joints rx, ry, rz and another of them, by turns of the start and the end, less what the product
+// of a row and a column (tree_newton.hpp) makes of them, which takes the first to be behind the second. Where it is before,
+// S_x x S_y = S_z and so on leave g = L_q, h = L_v and the rate of ry.
+Turning::Matrix3 joint_order(const Turning::Vector& g, const Turning::Vector& h, double rate_y,
+                             const Turning::Matrix6& by) {
+    using Row = Turning::Matrix3::Row;
+    const Row q_x = (g.z - h.x * rate_y) * by.ab.rows[1] - g.y * by.ab.rows[2] + h.z * by.bb.rows[1] -
+                    h.y * by.bb.rows[2],
+              q_y = (g.x - h.z * rate_y) * by.ab.rows[2] + h.x * by.bb.rows[2];
+    const Row v_x = h.z * by.ab.rows[1] - h.y * by.ab.rows[2], v_y = h.x * by.ab.rows[2];
+    Turning::Matrix3 out;
+    for (int k = 0; k < 3; ++k)
+        out.rows[k] = by.aa(0, k) * q_x + by.aa(1, k) * q_y + by.ba(0, k) * v_x + by.ba(1, k) * v_y;
+    return out;
+}
+
 }  // namespace
 
 void MidpointStep::turn_ends() {
@@ -74,12 +90,14 @@ void MidpointStep::add_bends() {
     }
 }
 
-void MidpointStep::make_ball_turns() {
+void MidpointStep::make_ball_turns(double dt) {
     make_bends();
     for (std::size_t b = 0; b < ball_turns_.size(); ++b) {
-        ball_turns_[b].by_ends = turned_middle_.by_ends(b);
-        for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j) ball_turns_[b].more[i][j] = bends_[b].ab(i, j);
+        const int at = mechanism_->balls[b].variable;
+        if (at >= nd_) continue;
+        const Turning::Matrix6& by = turned_middle_.by_ends(b);
+        const double *g = &kernel_slopes_[at], *h = &lagrangian_.L_v[at];
+        ball_turns_[b] = {&by, bends_[b].ab + dt * joint_order({g[0], g[1], g[2]}, {h[0], h[1], h[2]}, v_[at + 1], by)};
     }
 }
 

@@ -305,15 +305,30 @@ template <class T>
 SmallMatrix<6> Lagrangian<T>::own_products(int joint, bool values) const
     requires(!std::is_same_v<T, Lanes>)
 {
-    Products rows[3];
-    for (int i = 0; i < 3; ++i)
-        for (int part = 0; part < (values ? 1 : parts); ++part) {
-            const double* A = &AB_[values ? 0 : parts - 1 - part][(joint + i) * 12];
-            rows[i].add(*this, A, part, joint);
-            rows[i].add_weight(*this, A, part, joint);
-        }
     using Row = SmallMatrix<3>::Row;
-    const auto lower = [](const Wide& x, const Wide& y, const Wide& z, const Wide& above_y, const Wide& above_z) {
+    struct Sums {
+        Row vv{}, v_q{}, q_v{}, qq{};
+    } rows[3];
+    const auto load = [](const double* from, Row& to) { __builtin_memcpy(&to, from, sizeof(Row)); };
+    for (int part = 0; part < (values ? 1 : parts); ++part) {
+        const double* A = &AB_[values ? 0 : parts - 1 - part][joint * 12];
+        for (int c = 0; c < 6; ++c) {
+            Row S, W, G;
+            load(&S_wide_[part][c * stride_ + joint], S);
+            load(&W_wide_[part][c * stride_ + joint], W);
+            for (int i = 0; i < 3; ++i) {
+                const double a = A[i * 12 + c], b = A[i * 12 + 6 + c];
+                rows[i].vv += a * S;
+                rows[i].v_q -= a * W;
+                rows[i].q_v += b * S;
+                rows[i].qq -= b * W;
+            }
+            if (c >= 3) continue;
+            load(&G_wide_[part][c * stride_ + joint], G);
+            for (int i = 0; i < 3; ++i) rows[i].qq -= A[i * 12 + c] * G;
+        }
+    }
+    const auto lower = [](const Row& x, const Row& y, const Row& z, const Row& above_y, const Row& above_z) {
         return SmallMatrix<3>{
             {Row{x[0], above_y[0], above_z[0], 0.0}, Row{y[0], y[1], above_z[1], 0.0}, Row{z[0], z[1], z[2], 0.0}}};
     };

@@ -73,6 +73,9 @@ public:
                 {G.x, G.y, G.z, 0, 0, 0},
                 &AB_[0][joint * 12]};
     }
+    const Vec3<double>& gravity() const { return mechanism_.gravity; }
+    const Motion<T>& W(int joint) const { return W_[joint]; }
+    const auto* AB(int joint) const { return &AB_[0][joint * 12]; }
     // The inertia that each variable moves, L_vv[k, k], at the point of the last composites().
     void inertias(double* by_variable) const
         requires std::is_same_v<T, double>;

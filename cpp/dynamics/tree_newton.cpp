@@ -25,6 +25,22 @@ void multiply(const Inverse& by, T* d) {
     for (int k = 0; k < 3; ++k) d[k] = by[k][0] * r[0] + by[k][1] * r[1] + by[k][2] * r[2];
 }
 
+// [a; b] of six numbers each, in whole rows.
+inline void stack(const double* a, const double* b, double* out) {
+    using Row = SmallMatrix<3>::Row;
+    typedef double Half __attribute__((vector_size(16)));
+    Row first, last;
+    Half end, begin;
+    __builtin_memcpy(&first, a, sizeof(Row));
+    __builtin_memcpy(&end, a + 4, sizeof(Half));
+    __builtin_memcpy(&begin, b, sizeof(Half));
+    __builtin_memcpy(&last, b + 2, sizeof(Row));
+    const Row middle{end[0], end[1], begin[0], begin[1]};
+    __builtin_memcpy(out, &first, sizeof(Row));
+    __builtin_memcpy(out + 4, &middle, sizeof(Row));
+    __builtin_memcpy(out + 8, &last, sizeof(Row));
+}
+
 bool is_lost(double pivot, double size) { return !(std::abs(pivot) > lost_pivot * size) || !std::isfinite(pivot); }
 
 }  // namespace
@@ -98,65 +114,54 @@ bool TreeNewton::factor(const Lagrangian<double>& lagrangian, double dt, const d
 
 void TreeNewton::load_ball(const Lagrangian<double>& lagrangian, int joint, double dt, const BallTurn& turn, Vector* u,
                            Vector* w, Factors* at, Block& block) {
-    using Matrix3 = SmallMatrix<3>;
-    const SmallMatrix<6>& by = turn.by_ends;
+    using Weight = Eigen::Array<double, 4, 1>;
+    const SmallMatrix<6>& by = *turn.by_ends;
     const double half = 0.5 * dt, four = 4.0 / dt;
-    const JointVectors joints[3] = {lagrangian.vectors(joint), lagrangian.vectors(joint + 1),
-                                    lagrangian.vectors(joint + 2)};
-    // Put together first, so that they are in memory when they are read: [S; S], [W; W], [G; 0] and [0; A].
+    // Put together first, as whole rows, which are quickly in memory when they are read: [S; S], [W; W], [A; B] as a row and as
+    // a column, [0; A] and G.
     struct Pairs {
-        Vector SS, WW, G, A;
+        Vector SS, WW, row, column, A;
+        Weight G;
     } pairs[3];
     for (int l = 0; l < 3; ++l) {
-        const JointVectors& of = joints[l];
         Pairs& to = pairs[l];
-        for (const int first : {0, 6}) {
-            std::copy_n(of.S, 6, to.SS.data() + first);
-            std::copy_n(of.W, 6, to.WW.data() + first);
-        }
-        to.G = to.A = Vector::Zero();
-        std::copy_n(of.G, 3, to.G.data());
-        std::copy_n(of.AB, 6, to.A.data() + 6);
+        const Motion<double>& S = lagrangian.at.twist[joint + l];
+        const double* AB = lagrangian.AB(joint + l);
+        stack(&S.v.x, &S.v.x, to.SS.data());
+        stack(&lagrangian.W(joint + l).v.x, &lagrangian.W(joint + l).v.x, to.WW.data());
+        constexpr double none[6] = {};
+        Vector A;
+        stack(none, AB, A.data());
+        const Vector twice = 2.0 * Eigen::Map<const Vector>(AB), more = four * A;
+        to.row = twice + more;
+        to.column = twice - more;
+        to.A = 2.0 * A;
+        const Vec3<double> G = half * cross(S.w, lagrangian.gravity());
+        to.G << G.x, G.y, G.z, 0.0;
     }
-    Vector up, down;  // what turns X and Y into c and b
+    Vector up, down;  // what turns X into c and b
     for (int c = 0; c < 6; ++c) up[c] = 1.0, down[c] = -1.0, up[6 + c] = down[6 + c] = half;
-    Vector b[3], c[3], rows[3], columns[3];
-    for (int k = 0; k < 3; ++k) b[k] = c[k] = rows[k] = columns[k] = Vector::Zero();
-    for (int l = 0; l < 3; ++l) {
-        const Pairs& of = pairs[l];
-        const Vector AB = 2.0 * Eigen::Map<const Vector>(joints[l].AB), A = four * of.A, G = half * of.G;
-        for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; ++k) {
+        Vector start = Vector::Zero(), end = Vector::Zero(), row = Vector::Zero(), column = Vector::Zero();
+        Weight of_start = Weight::Zero(), of_end = Weight::Zero();
+        for (int l = 0; l < 3; ++l) {
+            const Pairs& of = pairs[l];
             const double x_start = by.aa(l, k), n_start = by.ba(l, k), x_end = by.ab(l, k), n_end = by.bb(l, k);
-            c[k] += up * (n_start * of.SS - x_start * of.WW) - x_start * G;
-            b[k] += down * (n_end * of.SS - x_end * of.WW) - x_end * G;
-            rows[k] += x_start * (AB + A) + (2.0 * n_start) * of.A;
-            columns[k] += x_end * (AB - A) + (2.0 * n_end) * of.A;
+            start += n_start * of.SS - x_start * of.WW;
+            end += n_end * of.SS - x_end * of.WW;
+            of_start += x_start * of.G;
+            of_end += x_end * of.G;
+            row += x_start * of.row + n_start * of.A;
+            column += x_end * of.column + n_end * of.A;
         }
+        at[k].c = up * start;
+        at[k].b = down * end;
+        at[k].c.head<4>() -= of_start;
+        at[k].b.head<4>() -= of_end;
+        u[k] = row;
+        w[k] = column;
+        for (int l = 0; l < 3; ++l) block[k][l] = turn.more(k, l);
     }
-    for (int k = 0; k < 3; ++k) at[k].b = b[k], at[k].c = c[k], u[k] = rows[k], w[k] = columns[k];
-    // Rows of the second derivatives by joints (i, j), of which those with j <= i hold.
-    Matrix3 qq{}, vv{}, q_v{}, v_q{};
-    for (int c = 0; c < 6; ++c) {
-        const Matrix3::Row S{joints[0].S[c], joints[1].S[c], joints[2].S[c], 0.0},
-            W{joints[0].W[c], joints[1].W[c], joints[2].W[c], 0.0},
-            G{joints[0].G[c], joints[1].G[c], joints[2].G[c], 0.0};
-        for (int i = 0; i < 3; ++i) {
-            const double A = joints[i].AB[c], B = joints[i].AB[6 + c];
-            qq.rows[i] -= B * W + A * G;
-            vv.rows[i] += A * S;
-            q_v.rows[i] += B * S;
-            v_q.rows[i] -= A * W;
-        }
-    }
-    const auto lower = [](const Matrix3& of, const Matrix3& above) {
-        return Matrix3{{Matrix3::Row{of(0, 0), above(1, 0), above(2, 0), 0.0},
-                        Matrix3::Row{of(1, 0), of(1, 1), above(2, 1), 0.0}, of.rows[2]}};
-    };
-    const Matrix3 rates = lower(vv, vv), mixed = lower(v_q, q_v), places = lower(qq, qq);
-    const Matrix3 by_q = places * by.ab + transposed_product(mixed, by.bb), by_v = mixed * by.ab + rates * by.bb;
-    const Matrix3 own = transposed_product(by.aa, by_q) + transposed_product(by.ba, by_v);
-    for (int k = 0; k < 3; ++k)
-        for (int l = 0; l < 3; ++l) block[k][l] = dt * own(k, l) + turn.more[k][l];
 }
 
 bool TreeNewton::factor(const NewtonEuler& bodies, const double* diagonal) {
@@ -228,10 +233,9 @@ template <int size, class Load>
 [[gnu::always_inline]] inline bool TreeNewton::eliminate_node(std::size_t n, const Load& load) {
     const Node& node = nodes_[n];
     Factors* at = &factors_[node.variable];
-    Vector u[size], w[size], a[size];
+    Vector u[size], w[size];
     Block block;
     load(node, u, w, at, block);
-    for (int k = 0; k < size; ++k) a[k] = u[k];
 
     Projection& P = P_[node.slot];
     if (node.has_only_child) {
@@ -255,9 +259,8 @@ template <int size, class Load>
     } else {
         double size_of[3];
         for (int k = 0; k < 3; ++k) {
-            const Vector behind = u[k] - a[k];
-            size_of[k] = std::abs(block[k][k]) + (behind * at[k].b).abs().sum();
-            for (int l = 0; l < 3; ++l) block[k][l] += (behind * at[l].b).sum();
+            size_of[k] = std::abs(block[k][k]) + (u[k] * at[k].b).abs().sum();
+            for (int l = 0; l < 3; ++l) block[k][l] += (u[k] * at[l].b).sum();
         }
         // Inverted in place, from the last variable on.
         for (int k = 2; k >= 0; --k) {

@@ -23,7 +23,8 @@
 //   b = [dt/2 Y - X; dt/2 X]  and  a = [2 sum x A; 2 sum (x B + n A/dt) - 4/dt sum x A]  (as a column)  of each turn of the end,
 //   c = [dt/2 Y + X; dt/2 X]  and  a = [2 sum x A; 2 sum (x B + n A/dt) + 4/dt sum x A]  (as a row)     of one of the start,
 //
-// which are those above where x = 1/2 and n = -+1. Its own three by three are the second derivatives by its joints, so turned.
+// which are those above where x = 1/2 and n = -+1. Its own three by three are the products a.b too, as of joints that are each behind
+// the other, and what they differ by where one is behind the other only (BallTurn::more).
 #pragma once
 
 #include <Eigen/Core>
@@ -38,10 +39,11 @@
 namespace leastaction {
 
 // What the coordinates and the rates of a ball's joints (rows) change by with turns of its start and its end (columns), and
-// what forces and the turns' own second derivatives add to its rows.
+// what is added to the products of its own rows and columns: the order of its joints (discrete/turning.hpp), forces, and the
+// turns' own second derivatives.
 struct BallTurn {
-    SmallMatrix<6> by_ends;
-    double more[3][3];
+    const SmallMatrix<6>* by_ends;
+    SmallMatrix<3> more;
 };
 
 class TreeNewton {
