@@ -81,7 +81,7 @@ def test_settings(options: dict, message: str) -> None:
         ({"rho": [[0.5], [0.0], [0.0]]}, r"q0: the start has 'height' at 0, but.*at 0.5; they must agree"),
         ({"rho": CubicSpline(T, [[0.0], [1.0], [4.0]]), "v0": [0.0, 5.0]}, r"v0: the start has 'height' at 5"),
         ({"rho": PrescribedMotion(lambda t: [0.0, 0.0], lambda t: [0.0], lambda t: [0.0])}, r"rho\(0\): got shape"),
-        ({"rho": PrescribedMotion(lambda t: [0.0], lambda t: 0.0, lambda t: [0.0])}, r"velocity of rho\(0\)"),
+        ({"rho": PrescribedMotion(lambda t: [0.0], lambda t: [0.0, 0.0], lambda t: [0.0])}, r"velocity of rho\(0\)"),
         ({"rho": PrescribedMotion(lambda t: [0.0], lambda t: [0.0], lambda t: [])}, r"acceleration of rho\(0\)"),
         ({"rho": np.zeros((3, 1)), "rho_a": [0.0]}, r"rho: got both rho and rho_a"),
         ({"u": lambda t, x: [0.0, 0.0], "inputs": [1.0]}, r"u: it gives all inputs, but inputs came too"),

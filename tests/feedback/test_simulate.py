@@ -295,3 +295,17 @@ def test_what_is_wrong_with_signals_by_name_is_said(inputs, message: str) -> Non
     vi = la.MidpointVI(SLIDES)
     with pytest.raises(ArgumentError, match=message):
         vi.simulate(vi.start(np.zeros(4)), np.linspace(0.0, 1.0, 11), inputs=inputs)
+
+
+@pytest.mark.parametrize("inputs", [2.0, lambda t: 2.0, lambda t, x: 2.0], ids=["constant", "of time", "law"])
+def test_a_single_input_may_be_a_number(inputs) -> None:
+    m, t, start = cart_pendulum(), 0.02 * np.arange(11), [0.0, 3.0]
+    row = la.simulate(la.MidpointVI(m), start, None, t, inputs=[2.0])
+    assert np.allclose(la.simulate(la.MidpointVI(m), start, None, t, inputs=inputs).x, row.x, atol=1e-12)
+    smooth = [la.simulate(m, start, None, t, inputs=each) for each in (inputs, [2.0])]
+    assert np.allclose(smooth[0].q, smooth[1].q, atol=1e-7)
+    if inputs != 2.0:
+        loop = la.simulate(la.MidpointVI(m), start, None, t, inputs=inputs, measure=["x"])
+        assert np.allclose(loop["theta"], row["theta"], atol=1e-12)
+    with pytest.raises(ArgumentError, match=r"q: got shape \(\), expected \(2,\)"):
+        la.simulate(la.MidpointVI(m), 0.3, None, t)

@@ -42,6 +42,7 @@ from leastaction_marionette.tracking import (
     save_run,
     save_search,
     settle,
+    stage,
     track,
     tracker,
 )
@@ -334,6 +335,24 @@ def test_a_motion_that_motors_cannot_make_begins_with_a_puppet_that_is_held_stil
     assert np.ptp(begun[0], axis=0).max() == 0.0
     assert np.ptp(x, axis=0).max() > 0.1
     assert effort.optimisations == 1
+
+
+@pytest.mark.parametrize("lost", [True, False])
+def test_where_feedback_along_a_curve_is_lost_a_stage_begins_with_gaps(
+    lost: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stage, "_LOST", 0.0 if lost else np.inf)
+    wanted = plan.TrackingPlan(TrackingProblem(PUPPET, walk_in_place(0.3, 0.02), FORCED, PuppetLimits()))
+    gaps = list[float]()
+
+    def told(record: IterationRecord) -> None:
+        gaps.append(record.gap)
+
+    initial = wanted.x_reference, wanted.u_reference
+    found = stage.optimize(wanted.system, wanted.cost(), initial=initial, max_iterations=60, callback=told)
+    assert (gaps[0] > 0.0) == lost
+    assert found.success
+    assert found.gap == 0.0
 
 
 def test_tensions_that_no_pose_has_are_said_to_be_too_large() -> None:

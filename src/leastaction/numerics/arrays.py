@@ -39,8 +39,8 @@ def as_array(
     is, for the message: ``"q"``, ``"the com of frame 'bob'"``. ``*shapes``: the shapes that are allowed; None stands
     for any length, no shape at all for any shape. ``meaning``: what the axes mean, for the message: ``"(N+1, nx)"``.
     ``names``: names of the entries along the last axis, so that a bad entry can be named, and a row of them be given as
-    a mapping: what that leaves out is zero. ``finite``: whether infinities are refused too. Raises `ArgumentError` if
-    the value is not numeric, has another shape or holds a NaN or an infinity.
+    a mapping: what that leaves out is zero. A row of one entry may be a number. ``finite``: whether infinities are
+    refused too. Raises `ArgumentError` if the value is not numeric, has another shape or holds a NaN or an infinity.
     """
     if (
         finite
@@ -68,6 +68,8 @@ def as_array(
         raise error(f"{what}: got {_given(value)}, expected real numbers{wanted}; {advice}") from None
     # ascontiguousarray turns a scalar into a one-element vector; keep the shape that was given.
     array = array.reshape(given.shape)
+    if array.ndim == 0 and len(names or ()) == 1 and (1,) in shapes:
+        array = array.reshape(1)
     if shapes and array.shape not in shapes and not any(_matches(array.shape, shape) for shape in shapes):
         hint = ""
         if names and any(shape and shape[-1] == len(names) for shape in shapes):

@@ -40,7 +40,7 @@ def signal_rows(
     shape = shape_of(signal)
     if n == 1 and shape in ((N,), (N + 1,)) and shape != (1,) and (extra_row or shape == (N,)):
         signal, shape = np.reshape(np.asarray(signal), (-1, 1)), (*shape, 1)
-    if shape is not None and len(shape) == 1:
+    if shape is not None and len(shape) <= 1:
         row = as_array(signal, what, (n,), meaning=f"a constant; rows are of shape ({N}, {n})", names=names)
         return np.tile(row, (N, 1))
     rows = N + 1 if extra_row and shape and shape[0] == N + 1 else N

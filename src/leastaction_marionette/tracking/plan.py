@@ -18,7 +18,6 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import lsq_linear
 
 from leastaction.errors import ArgumentError, LeastActionError, StepError
-from leastaction.io import Motion
 from leastaction.mechanics import JointForce, MidpointVI, to_momentum
 from leastaction.models.marionette import (
     axes_of,
@@ -71,13 +70,6 @@ class TrackingPlan:
         # The motion begins at rest, not with the slope of its first step.
         self.x_reference[0, m.nq : m.nq + m.nd] = 0.0
         self.u_reference = np.hstack([np.tile(self.tension, (len(t) - 1, 1)), q[1:, m.first_rho :]])
-
-    def following(self, motion: Motion) -> TrackingPlan:
-        """Return the plan of another motion of the same puppet."""
-        old = self.problem
-        return TrackingPlan(
-            TrackingProblem(old.mechanism, motion, old.weights, old.limits, follow=old.follow, threads=old.threads)
-        )
 
     @cached_property
     def by_motors(self) -> PulledSystem:

@@ -29,7 +29,6 @@ from leastaction_marionette.turns import body_of, differences, moved, on_the_way
 _FIRM = 0.1  # N, by which strings that hold still pull more than they have to
 _BALANCED = 1e-4  # N or N m, to which forces balance
 _DIGITS, _STEPS = 1e-7, 300  # of the cost, and of the search for a pose
-_UPRIGHT = ("torso_tx", "torso_ty", "torso_tz", "torso_rz")  # what of a pose has nothing to do with rest
 _NO_REST = (
     "strings: neither the motion nor a pose at rest is found in which all of them pull. Lower the least tension, allow "
     "what holds them more reach (bars: and tilt), or take more strings"
