@@ -53,9 +53,10 @@ public:
         if (fits) {
             std::copy_n(of->shape, n, shape_.begin());
             data_ = static_cast<const double*>(of->data);
-            owner_ = nb::borrow(array);
+            owner_ = nb::steal(capsule);
+        } else {
+            Py_XDECREF(capsule);
         }
-        Py_XDECREF(capsule);
         if (!of) PyErr_Clear();
         return fits;
     }
@@ -68,7 +69,7 @@ public:
 private:
     const double* data_ = nullptr;
     std::array<std::size_t, n> shape_{};
-    nb::object owner_;  // one of these keeps it alive
+    nb::object owner_;  // one of these keeps the numbers alive
     Array array_;
 };
 using Out = nb::ndarray<nb::numpy, double, nb::c_contig>;

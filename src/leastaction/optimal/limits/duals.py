@@ -94,19 +94,10 @@ class Duals:
         self.dearest, self.cheapest = 0.0, np.inf  # prices of an excess of a limit's scale
         self.leeway = Leeway([side.size.size for side in self.sides])
 
-    def begin(
-        self,
-        c: Sided,
-        mu: float,
-        price: float,
-        dearer: float = 1.0,
-        depths: Array | float = np.inf,
-        *,
-        at_instants: bool = False,
-    ) -> None:
+    def begin(self, c: Sided, mu: float, price: float, dearer: float = 1.0, depths: Array | float = np.inf) -> None:
         """Choose scales, prices and duals from where the optimisation starts.
 
-        ``price``: of an excess of a limit's scale, times ``dearer``; ``at_instants``: as of `BarrierStages`.
+        ``price``: of an excess of a limit's scale; of equations, and of limits at a single instant, times ``dearer``.
         ``depths``: of all columns, what an excess of it may be at most, which is large for it then.
         """
         self.mu, columns = mu, self.layout.columns
@@ -116,7 +107,7 @@ class Duals:
             seen = np.maximum(seen, 1e-6 * (1.0 + self._size))
             scale = np.where(self._known > 0.0, self._known, seen)
         self.scale = Sided(scale, columns)
-        prices: Array | float = price * np.where(self._alone, dearer, 1.0) if at_instants else dearer * price
+        prices: Array | float = price if dearer == 1.0 else price * np.where(self._alone, dearer, 1.0)
         if self._has_hard:
             # Who begins at such a limit is not to be thrown off it.
             inside = self.layout.largest(_AT * self.layout.spread(self.scale.flat) - c.flat) == 0.0

@@ -43,15 +43,11 @@ class BarrierStages:
     """The stages of an optimisation with limits: one barrier problem after the other.
 
     ``tolerance``: of the optimisation. ``digits``: of a limit's size is the least room that is told from none.
-    ``dearer``: factor by which limits are at first; ``at_instants``: whether of these only equations, and what is asked
-    at a single instant.
+    ``dearer``: than others are at first equations and what is asked at a single instant.
     """
 
-    def __init__(
-        self, duals: Duals, tolerance: float, digits: float, dearer: float = 1.0, *, at_instants: bool = False
-    ) -> None:
-        self.duals, self.tolerance, self.digits = duals, tolerance, digits
-        self.dearer, self.at_instants = dearer, at_instants
+    def __init__(self, duals: Duals, tolerance: float, digits: float, dearer: float = 1.0) -> None:
+        self.duals, self.tolerance, self.digits, self.dearer = duals, tolerance, digits, dearer
         self.count = duals.layout.ends[-1]
         self.size = self.first_mu = self.last = np.nan
 
@@ -72,7 +68,7 @@ class BarrierStages:
                 self.size = idle if 0.0 < idle < np.inf else 1.0
         self.first_mu = _FIRST * self.size / max(self.count, 1)
         self.last = self._last(self.size)
-        self.duals.begin(c, self.first_mu, self.size, self.dearer, depths, at_instants=self.at_instants)
+        self.duals.begin(c, self.first_mu, self.size, self.dearer, depths)
 
     def take(self, given: LimitReport | None, *, resumed: bool, changed: float = 0.0) -> None:
         """Go on with the duals of an earlier run, if it had these limits.

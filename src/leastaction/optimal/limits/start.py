@@ -22,19 +22,12 @@ _DIGITS = 1e3 * float(np.finfo(np.float64).eps)  # least room that is told from 
 
 
 def barrier_merit(
-    system: DiscreteSystem,
-    cost: Cost,
-    rows: Sequence[Rows],
-    here: Here,
-    settings: Options,
-    dearer: float,
-    *,
-    at_instants: bool,
+    system: DiscreteSystem, cost: Cost, rows: Sequence[Rows], here: Here, settings: Options, dearer: float
 ) -> BarrierMerit:
-    """Return a cost with the barriers of limits; ``dearer``, ``at_instants``: as of `BarrierStages`."""
+    """Return a cost with the barriers of limits; ``dearer``: as of `BarrierStages`."""
     check_agreement(rows, system.when)
     limited = LimitedCost(cost, rows, system.ndx, system.nu)
-    stages = BarrierStages(limited.duals, settings.tolerance, _DIGITS, dearer, at_instants=at_instants)
+    stages = BarrierStages(limited.duals, settings.tolerance, _DIGITS, dearer)
     return BarrierMerit(limited, stages, here)
 
 

@@ -69,9 +69,7 @@ class SearchParts:
         self.barrier: BarrierMerit | None = None
         self.limits: BarrierMerit | None = None
         if rows:
-            self.barrier = barrier_merit(
-                system, cost, self.rows, self.here, settings, dearer, at_instants=final_time is not None
-            )
+            self.barrier = barrier_merit(system, cost, self.rows, self.here, settings, dearer)
         own = own_projection(settings, system)
         self.models = Models(system, self.plain, self.here, work, FreeStart(system, free_start, final_time), own)
         self.trajectory_steps = TrajectorySteps(self.models, settings.chunk)

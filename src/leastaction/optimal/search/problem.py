@@ -50,7 +50,7 @@ class DiscreteProblem(Problem[LinearQuadraticSolution, DiscreteDirection, Iterat
         motion of no time at all, where every search ends. It has to be high from the beginning, and higher still where
         a search ends so.
     dearer : float, optional
-        Factor by which limits are dearer at first; with a final time, equations and what is asked at a single instant.
+        Factor by which equations and what is asked at a single instant are dearer at first.
     grid : TimeGrid, optional
         The times of the steps; the system's own if left out.
     finer : callable, optional

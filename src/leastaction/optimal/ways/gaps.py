@@ -4,9 +4,9 @@ Where limits would be said not to be met, that is no more than a stationary poin
 of a mechanism, or the foot of a hill. Prices may have been too low: a first state that is free may leave its bounds if
 the cost falls by more elsewhere. A motion whose final time is free may have shrunk to nothing, where no input moves
 anything. And the given curve may lead to where limits are met, where its projection is another motion; so may, of an
-initial state alone, the straight line to the wanted last state. So the given start is tried once more, where limits are
-dearer; then lasting longer; then with gaps, with the inputs that the curve needs or those that were given; then among
-motions that the steps of time resolve. Whatever meets the limits is gone on from.
+initial state alone, the straight line to the wanted last state. So the given start is tried once more, where what is
+asked at a single instant is dearer; then lasting longer; then with gaps, with the inputs that the curve needs or those
+that were given; then among motions that the steps of time resolve. Whatever meets the limits is gone on from.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from leastaction.optimal.ways.resolved import of_asked, resolved_rows
 _UNMET = "gaps for unmet limits"  # its name among the ways that were taken
 _MOST = 300  # iterations that each attempt for unmet limits may take
 _LONGER = 10.0  # factor by which a motion lasts longer in an attempt, where its final time is found too
-_DEARER = 50.0  # price of violating a limit in these attempts, over that before; see `DiscreteProblem`
+_DEARER = 20.0  # price of violating a limit at a single instant in these attempts, over that before
 _LONG, _LONG_IF_LOST = 200, 100  # iterations after which a run is long; the second, where the projected start diverged
 _BRIEF = 40  # most iterations with gaps where most of the first steps had to be shortened: other ways are left
 
@@ -126,7 +126,7 @@ def _attempts(problem: DiscreteProblem) -> Iterator[tuple[DiscreteProblem, Start
 
 
 def _dearer(problem: DiscreteProblem, more: list[Rows], gapped: Gapped) -> DiscreteProblem:
-    """Return a problem with more limits, and higher prices."""
+    """Return a problem with more limits, and higher prices of limits at single instants."""
     parts = problem.parts
     assert parts.barrier is not None
     dearer = _DEARER * parts.barrier.stages.dearer
