@@ -24,7 +24,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "discrete/newton_step.hpp"
 #include "discrete/root_trust.hpp"
@@ -188,9 +187,11 @@ bool MidpointStep::follow(double from, double to, double dt) {
     for (int i = 0; i < mechanism_->n_kinematic; ++i) q2[nd_ + i] = q1[nd_ + i] + to / dt * (rho2_[i] - q1[nd_ + i]);
     place_prescribed();
     double last = 0, first = 0, way = 0;
-    const auto is_within_chart = [&](const Ball& ball) {  // which ends at a full turn (turning.hpp)
+    // Largest turn of a ball (rad). The chart ends at a full turn, where derivatives are infinite (turning.hpp).
+    constexpr double most_turn = 6.0;
+    const auto is_within_chart = [&](const Ball& ball) {
         const double* phi = &q2[ball.variable];
-        return ball.prescribed || std::hypot(phi[0], phi[1], phi[2]) < 2.0 * std::numbers::pi;
+        return ball.prescribed || std::hypot(phi[0], phi[1], phi[2]) < most_turn;
     };
     for (int corrections = 0; corrections < max_corrections; ++corrections) {
         evaluate(to);

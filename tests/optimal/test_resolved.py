@@ -72,8 +72,13 @@ def test_a_minimum_among_motions_that_the_steps_of_time_resolve_says_so() -> Non
     np.testing.assert_array_equal(again.x, result.x)
 
 
-def test_it_leads_on_where_steps_so_long_have_no_derivatives() -> None:
-    """A body at rest is to be turned along a curve past half a turn, where the way that is missing changes its side."""
+@pytest.mark.parametrize("seed", range(3))
+def test_a_search_does_not_rest_where_a_step_is_nearly_a_full_turn(seed: int) -> None:
+    """A body at rest is to be turned along a curve past half a turn, where the way that is missing changes its side.
+
+    What is cheapest turns by most of a full turn in one step. Where steps may come as close to that as they like, their
+    derivatives are infinite, and whether a search ends there is a matter of rounding.
+    """
     t = np.linspace(0.0, 2.0, 41)
     body = [ball("b", mass=1.0, inertia=(0.1, 0.1, 0.1), name="body")]
     m = Mechanism(body, [JointForce(f"b.w{axis}", input=axis) for axis in "xyz"])
@@ -82,9 +87,9 @@ def test_it_leads_on_where_steps_so_long_have_no_derivatives() -> None:
     cost = QuadraticCost(np.tile(x0, (41, 1)), np.zeros((40, 3)), Q=np.zeros(6), R=[1e-3] * 3, space=system)
     wanted = Rotation.from_rotvec(np.outer(0.95 * np.pi * t, [0.0, 0.0, 1.0])).as_matrix()
     missing = OrientationCost(cost, system, {"body": wanted}, {"body": 100.0})
-    result = optimize(system, missing, initial=(x0, np.zeros((40, 3))))
-    assert result.status is Status.RESOLVED, result.message
-    assert "'b.wz' would turn further within step" in result.message
+    u = 1e-9 * np.random.default_rng(seed).standard_normal((40, 3))
+    result = optimize(system, missing, initial=(x0, u))
+    assert result.success, result.message
 
 
 def test_the_limit_is_dropped_where_it_holds_nothing_back() -> None:

@@ -27,7 +27,6 @@ from leastaction.optimal.state import Resolved, SearchState
 
 _ENOUGH = 0.35  # largest angle of a step (rad) where steps of time are short enough for a motion
 _NAMED = 3  # most instants that a message names
-_ENDED = (*STUCK, Status.DERIVATIVES_FAILED, Status.NO_DIRECTION)  # how a run may end before steps that are too coarse
 
 
 def _applies(run: Run, outcome: Outcome | None) -> bool:
@@ -38,7 +37,7 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
         return True
     problem = run.problem
     assert isinstance(problem, DiscreteProblem)
-    if "resolved" in run.state.taken or outcome.status not in _ENDED:
+    if "resolved" in run.state.taken or outcome.status not in (*STUCK, Status.DERIVATIVES_FAILED):
         return False
     return not problem.parts.here.is_open and (outcome.barred or coarse_step(problem, outcome) is not None)
 
