@@ -18,8 +18,8 @@ namespace leastaction {
 
 namespace nb = nanobind;
 
-// An array that is read, of n axes. One of NumPy's that stands in rows is taken as it is: what it tells of itself costs a tenth
-// of what nanobind asks for, where it may not be written to. All else is nanobind's, which converts it.
+// An array of n axes that is only read. NumPy's contiguous arrays of doubles are taken by their array interface, which
+// is quicker than nanobind's way for arrays that may not be written to. Nanobind takes all others, and converts them.
 template <int n>
 class In {
 public:
@@ -69,7 +69,7 @@ public:
 private:
     const double* data_ = nullptr;
     std::array<std::size_t, n> shape_{};
-    nb::object owner_;  // one of these keeps the numbers alive
+    nb::object owner_;  // this or the next keeps the numbers alive
     Array array_;
 };
 using Out = nb::ndarray<nb::numpy, double, nb::c_contig>;

@@ -140,7 +140,7 @@ def _gone_on(tracker: Tracker, found: TrackingRun | TrackingSearch) -> TrackingR
     """Return what is found from where an earlier run was, or a search."""
     hangs = isinstance(found, TrackingRun) and not found.embedded
     tracker = replace(tracker, kinds=found.kinds, effort=found.effort).planned(hangs=hangs)
-    tracker = replace(tracker, grows=hangs or isinstance(found, TrackingSearch))
+    tracker = replace(tracker, restarts=hangs or isinstance(found, TrackingSearch))
     if isinstance(found, TrackingSearch):
         if found.firmness is None:
             return _sought(tracker, found)

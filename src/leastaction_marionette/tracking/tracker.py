@@ -35,7 +35,7 @@ _GAINED = 0.999  # share of its cost with which it is worth to go on from where 
 _HANGING, _PLANNED, _TIED, _TIED_SLOWLY = 1e-6, 1e-2, 3e-3, 1e-3
 _SHARE = 0.05  # of the time may go into checkpoints
 _LOST = 2.0  # share of the cost of a minimum that what was left behind costs where it is no better
-_PLAN_PATIENCE = 150  # iterations of a plan, which then grows from a smaller one
+_PLAN_PATIENCE = 150  # iterations of a plan, which then begins again with a puppet that is held still
 # Parts of the cost that ten iterations hardly change: where strings on bars are tied loosely, and firmly but not last.
 _HARDLY, _HARDLY_FIRM = 0.002, 0.005
 _CREPT = "The search creeps, and was made from elsewhere: what was left behind is nearer. Go on with --resume."
@@ -96,7 +96,7 @@ class Tracker:
     shooting: Shooting = "auto"
     earlier: OptimizationResult | None = None
     kinds: frozenset[str] = FIRST_KINDS  # of limits that are stated
-    grows: bool = True  # whether a motion that grows is tried where this one is stuck or creeps, on no bars
+    restarts: bool = True  # whether it begins with a puppet that is held still where it is stuck or creeps, on no bars
 
     @property
     def stepped(self) -> Motion:
@@ -114,9 +114,9 @@ class Tracker:
         return self.ties is not None and not self.ties.firm
 
     @property
-    def may_grow(self) -> bool:
+    def may_restart(self) -> bool:
         """Whether there is another way where it is stuck or creeps."""
-        return self.grows and self.ties is None and not self.hangs
+        return self.restarts and self.ties is None and not self.hangs
 
     @property
     def scale(self) -> float:
@@ -223,7 +223,7 @@ def improved(tracker: Tracker) -> tuple[Tracker, OptimizationResult]:
             tracker = replace(tracker, earlier=None, start=start)
             continue
         stuck = result.status in (*STUCK, Status.ITERATION_LIMIT)
-        if stuck and tracker.left > 0 and tracker.may_grow:
+        if stuck and tracker.left > 0 and tracker.may_restart:
             return _from_rest(tracker, result)
         more = tracker.plan.broken(result.x) - tracker.kinds
         if not more or tracker.left < 1 or result.status in CUT_SHORT:
@@ -239,7 +239,7 @@ def _from_rest(tracker: Tracker, result: OptimizationResult) -> tuple[Tracker, O
     """
     tracker.say(_STILL)
     try:
-        begun = replace(tracker, start=at_rest(tracker.plan), earlier=None, kinds=frozenset(KINDS), grows=False)
+        begun = replace(tracker, start=at_rest(tracker.plan), earlier=None, kinds=frozenset(KINDS), restarts=False)
         other, other_result = improved(begun)
     except (ArgumentError, ProjectionError):
         return tracker, result
@@ -247,7 +247,7 @@ def _from_rest(tracker: Tracker, result: OptimizationResult) -> tuple[Tracker, O
         return tracker, replace(result, status=Status.INTERRUPTED, message=_STOPPED)
     if result.cost > (1.0 / _LOST if other_result.success else 1.0) * other_result.cost:
         return other, other_result
-    tracker = replace(tracker, start=None, earlier=result, effort=other.effort, left=other.left, grows=False)
+    tracker = replace(tracker, start=None, earlier=result, effort=other.effort, left=other.left, restarts=False)
     if tracker.left < 1 or result.status in STUCK or other_result.status in CUT_SHORT:
         return replace(tracker, earlier=None), result
     tracker.say("what was left behind is nearer: goes on with that")
@@ -259,7 +259,7 @@ def _optimised(tracker: Tracker) -> OptimizationResult:
     plan, ties = tracker.plan, tracker.ties
     # Strings on bars may be tied so loosely that an optimisation only leads to the next, or not for the last time.
     passes = ties is not None and ties.weight < FIRM[0]
-    leads_on = tracker.may_grow if ties is None else ties.weight < FIRM[-1]
+    leads_on = tracker.may_restart if ties is None else ties.weight < FIRM[-1]
     hardly = 0.0 if ties is None or not leads_on else _HARDLY if passes else _HARDLY_FIRM
     pace, tolerance = Pace(hardly=hardly, earlier=tracker.earlier), _tolerance(tracker)
     ended: Status | None = None
@@ -292,7 +292,7 @@ def _optimised(tracker: Tracker) -> OptimizationResult:
         free_start=plan.mechanism.coordinates,
         shooting=tracker.shooting,
         method=tracker.method,
-        max_iterations=min(tracker.left, _PLAN_PATIENCE) if tracker.may_grow else tracker.left,
+        max_iterations=min(tracker.left, _PLAN_PATIENCE) if tracker.may_restart else tracker.left,
         tolerance=tolerance,
         callback=watch,
     )

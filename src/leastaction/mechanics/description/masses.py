@@ -20,24 +20,23 @@ FAR = 1e4
 DEPENDENT = 1e-9
 
 
-def check_matter(tree: Tree, rotors: Sequence[Mapping[str, float]]) -> None:
-    """Raise a `DescriptionError` if there is nothing with a mass behind a dynamic variable; see `check_masses`."""
-    joints = _massive(tree)
-    moved = {name for index in joints for name in tree.joints[index].variables}.union(*rotors)
-    for name in tree.dynamic:
-        if name not in moved:
-            raise _massless(tree, name, "where nothing has a mass")
+def check_matter(tree: Tree, rotors: Sequence[Mapping[str, float]]) -> list[int]:
+    """Return the joints that move a mass or an inertia; see `check_masses`.
 
-
-def _massive(tree: Tree) -> list[int]:
-    """Return the joints that move a mass or an inertia."""
+    Raises `DescriptionError`: a dynamic variable behind which nothing has a mass.
+    """
     # Whether there is any, not how much: sums of what is there could overflow.
     matter = np.zeros((len(tree.joints), 2))
     for index, body, _ in tree.bodies():
         if index != WORLD:
             matter[index] += body.mass > 0.0, body.inertia.any()
     massive = zip(tree.joints, tree.subtree_sums(matter), strict=True)
-    return [i for i, (joint, (mass, inertia)) in enumerate(massive) if mass or (inertia and joint.twist[3:].any())]
+    joints = [i for i, (each, (mass, inertia)) in enumerate(massive) if mass or (inertia and each.twist[3:].any())]
+    moved = {name for index in joints for name in tree.joints[index].variables}.union(*rotors)
+    for name in tree.dynamic:
+        if name not in moved:
+            raise _massless(tree, name, "where nothing has a mass")
+    return joints
 
 
 def check_masses(
@@ -58,8 +57,7 @@ def check_masses(
     only where an inertia has changed beyond its size.
     """
     bodies = [(joint, body, pose) for joint, body, pose in tree.bodies() if joint != WORLD]
-    check_matter(tree, rotors)
-    _check_couplings(tree, _massive(tree), rotors)
+    _check_couplings(tree, check_matter(tree, rotors), rotors)
 
     nd = len(tree.dynamic)
     coordinates = tree.coordinates(variables)
