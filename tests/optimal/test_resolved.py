@@ -12,9 +12,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from leastaction.costs import OrientationCost
+from leastaction.errors import ProjectionError
 from leastaction.io.results import load_result, save_result
 from leastaction.mechanics import Gravity, JointForce, Mechanism, MidpointVI, ball, rx, ty, tz
 from leastaction.optimal import Bound, OptimizationResult, QuadraticCost, Status, WindowSystem, optimize
+from leastaction.optimal.search.beginning import Beginning
 from leastaction.systems import MidpointSystem
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -106,6 +108,21 @@ def test_the_limit_is_dropped_where_it_holds_nothing_back() -> None:
     assert result.state.run.resolved is None
     assert result.limits is None
     assert certify(given, result.x, result.u).minimum
+
+
+def test_a_motion_that_no_regulator_follows_is_where_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the limit, motions near a full turn of a ball may have no regulator: the run ended in its error."""
+
+    def lost(*_: object) -> None:
+        raise ProjectionError("initial: there is no regulator about it")
+
+    given = BY_NAME["acrobot, swing-up, R 0.001, final 1e+06, random 2"].build()
+    weights = {"Q": given.cost.Q, "R": given.cost.R, "Q_final": given.cost.Q_final}
+    cost = Own(given.cost.x_wanted, given.cost.u_wanted, **weights)
+    monkeypatch.setattr(Beginning, "go_on_from", lost)
+    result = optimize(given.system, cost, initial=(given.x, given.u), shooting="single")
+    assert result.status is Status.CONVERGED
+    assert result.cost == cost.value(result.x, result.u)
 
 
 class Own(QuadraticCost):

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import leastaction as la
 from leastaction.errors import ArgumentError, StepError
 from leastaction.numerics.step_quality import StepQuality
 from leastaction.optimal import FunctionSystem, IterationTable, QuadraticCost, Status, optimize
@@ -156,6 +157,31 @@ def test_a_wrong_second_derivative_does_not_keep_it_from_converging(worth):
     result = optimize(Wrong(N, 0.05), cost, initial=rest)
     assert result.status is Status.CONVERGED
     assert "check_derivatives" in result.message
+
+
+def test_rounding_beside_stiff_limits_is_no_wrong_second_derivative():
+    """Accelerations held so closely that their stiffness, by 1 / dt^4, drowns all other weights."""
+    cart = la.Mechanism(
+        [la.ty("cart", mass=2.0), [la.rx("pole"), [la.tz(-1.0, mass=1.0)]]],
+        [la.Gravity(), la.JointForce("cart", input="push")],
+    )
+    told = []
+    for most, T, way, price, start in (
+        (0.03, 2.08, (2.5, -2.4), 0.001076396454015142, (-0.1, -0.2)),
+        (0.03, 2.48, (2.2, -1.6), 0.00035068115050949374, (-0.1, -0.4)),
+        (0.2, 2.18, (2.3, -1.6), 0.0003792267521876076, (0.0, -0.2)),
+        (0.2, 2.28, (1.6, -1.4), 0.001992677557889805, (0.1, 0.0)),
+        (0.03, 2.38, (1.6, -1.8), 0.0016484969012568818, (0.0, -0.1)),
+    ):
+        system = la.MidpointSystem(la.MidpointVI(cart, threads=1), np.linspace(0.0, T, 201))
+        wanted = np.zeros((201, 4))
+        wanted[66:, :2] = way
+        cost = QuadraticCost(wanted, np.zeros((200, 1)), Q=[10.0, 10.0, 0.0, 0.0], R=[price])
+        slow = la.Bound("cart", -most, most, of="acceleration")
+        result = optimize(system, cost, initial=(np.array([*start, 0.0, 0.0]), np.zeros((200, 1))), limits=[slow])
+        assert result.status is Status.CONVERGED
+        told.append("check_derivatives" in result.message)
+    assert not any(told)
 
 
 def torn_beyond(wall: float) -> FunctionSystem:

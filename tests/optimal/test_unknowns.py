@@ -343,6 +343,42 @@ def test_the_shortest_time_from_poor_guesses(way: float, push: float, guess: flo
     assert result.unknowns["final time"] == pytest.approx(2.0 * np.sqrt(way / push), rel=1e-6)
 
 
+@pytest.mark.parametrize("unknown", [FinalTime(price=-1.0), Parameter("cart.mass", 0.1, price=-1.0)], ids=str)
+def test_what_is_ever_cheaper_has_no_minimum(unknown: FinalTime | Parameter) -> None:
+    """A motion that earns by lasting longer: it lasted 1e154 s, and no step was short enough."""
+    system = slide(40)
+    cost = nothing_wanted(system, Q=[0.0, 0.0], R=[1e-4])
+    result = optimize(system, cost, initial=rest(system), unknowns=[unknown])
+    assert result.status is Status.UNBOUNDED
+    assert not result.success
+    assert "FinalTime(max=...)" in result.message
+    assert result.iterations < 100
+
+
+@pytest.mark.parametrize("price", [-1.0, -20.0])
+@pytest.mark.parametrize(
+    "bounds", [{"unknowns": (0.0, 5.0)}, {"unknowns": (None, 100.0)}, {"limits": [Bound("final time", max=30.0)]}]
+)
+def test_bounds_of_what_earns_are_kept(price: float, bounds: dict) -> None:
+    """Their excess is dearer than what it earns: the time went to 1e63 s before it came back."""
+    system = slide(40)
+    cost = nothing_wanted(system, Q=[0.0, 0.0], R=[1e-4])
+    times = []
+    result = optimize(
+        system,
+        cost,
+        initial=rest(system),
+        unknowns=[FinalTime(*bounds.get("unknowns", ()), price=price)],
+        limits=bounds.get("limits", []),
+        callback=lambda record: times.append(record.cost / price),
+    )
+    longest = bounds["unknowns"][1] if "unknowns" in bounds else 30.0
+    assert result.status is Status.CONVERGED
+    assert result.unknowns["final time"] == pytest.approx(longest, rel=1e-8)
+    assert max(times) < 2.0 * longest
+    assert result.iterations < 20
+
+
 def test_multipliers_of_limits_that_could_not_be_met_are_not_begun_with() -> None:
     """A time that is too short ends INFEASIBLE; with a time that is free it goes on from there as from its motion."""
     m = la.Mechanism(

@@ -54,6 +54,10 @@ class Status(Enum):
         "The limits cannot all be met, or not from this start; they are violated as little as was found possible. "
         "Loosen what the message names, give the motion more time, or start elsewhere."
     )
+    UNBOUNDED = (
+        "The cost falls without bound: it has no minimum. Bound what it falls with, or give that a weight: an input, "
+        "or an unknown with a negative price (FinalTime(max=...), Parameter(name, min, max))."
+    )
     NO_DIRECTION = "No quadratic model had a minimum. Give the cost a positive definite weight on every input."
     DERIVATIVES_FAILED = "The derivatives of the system could not be computed along the last iterate (see the message)."
 

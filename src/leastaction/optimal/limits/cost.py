@@ -50,6 +50,7 @@ class LimitedCost:
                     r.scale,
                     np.abs(r.bounds).max(axis=0),
                     hard=not r.is_asked,
+                    worth=r.worth,
                 )
                 for r in self.rows
             ],

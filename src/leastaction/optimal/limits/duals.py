@@ -43,7 +43,7 @@ class LimitSide:
     ``limit``, ``labels``, ``equal``: as in a `LimitState`. ``first``: whether it is the first of the two sides of an
     equation, which follow each other. ``scale``, ``size`` (m,): what is large, 0 where that is to be seen from where
     the optimisation starts; and the largest bound. ``hard``: whether nothing is beyond it: the price of an excess only
-    says how close to it a search may come, and is out of reach.
+    says how close to it a search may come, and is out of reach. ``worth`` (m,): what a unit of it costs; None: unknown.
     """
 
     limit: str
@@ -53,6 +53,7 @@ class LimitSide:
     scale: Array
     size: Array
     hard: bool = False
+    worth: Array | None = None
 
 
 class Room(NamedTuple):
@@ -88,6 +89,9 @@ class Duals:
         self._dear = np.where(self._equal, _DEAR_EQUAL, _DEAR)
         self._in_equations = layout.spread(self._equal)
         self._all_known = bool((self._known > 0.0).all())
+        # Beyond the bound of what has a price itself, a cheaper excess would be worth while without end.
+        worth = columns.filled([0.0 if side.worth is None else side.worth for side in sides]).flat
+        self._least, self._has_least = _DEAR * worth, bool(worth.any())
         self._has_equations, self._has_hard = bool(self._equal.any()), bool(self._hard.any())
         self._other = self._other_sides()
         self.prices, self.scales = np.empty(0), np.empty(0)  # of all entries
@@ -112,7 +116,7 @@ class Duals:
             # Who begins at such a limit is not to be thrown off it.
             inside = self.layout.largest(_AT * self.layout.spread(self.scale.flat) - c.flat) == 0.0
             prices = np.where(self._hard & inside, _HARD * price, prices)
-        self.rho = Sided(prices / self.scale.flat, columns)
+        self.rho = Sided(np.maximum(prices / self.scale.flat, self._least), columns)
         self.settle_prices()
         self._begin_duals(c)
 
@@ -245,6 +249,9 @@ class Duals:
             c.flat, rho, y, self.prices,
         )  # fmt: skip
         self.rho, self.y = Sided(rho, layout.columns), Sided(y, layout)
+        if self._has_least:
+            np.maximum(rho, self._least, out=rho)
+            self.settle_prices()
         return dearer
 
     # ---- Reports --------------------------------------------------------------------------------

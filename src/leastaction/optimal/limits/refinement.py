@@ -20,6 +20,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
+
 from leastaction import _core
 from leastaction.numerics.arrays import Array
 from leastaction.numerics.frozen import changed
@@ -124,8 +126,9 @@ def refined(
             break
         found, there = following.at, following.change
         change = there - model.change(at)
-        slope = float(w @ change) - float(sigma @ (there * change))
-        rise = found.least + float(w @ there) - 0.5 * float(sigma @ there**2) - cost
+        with np.errstate(over="ignore", invalid="ignore"):  # a model without bottom leads as far as there are numbers
+            slope = float(w @ change) - float(sigma @ (there * change))
+            rise = found.least + float(w @ there) - 0.5 * float(sigma @ there**2) - cost
         bend = 2.0 * (slope - rise)
         at, length, more = model.step(at, change, slope - bend, bend)
         cost += more

@@ -65,6 +65,8 @@ class Rows:
         Bounds that the fixed initial state has to keep to; None where nothing is asked of it.
     is_asked : bool
         Whether a user asked for it; else there is no such system beyond it.
+    worth : ndarray (m,) or None
+        What a unit of the quantity itself costs, so that an excess has to be dearer; None where that is not known.
     """
 
     limit: str
@@ -77,6 +79,7 @@ class Rows:
     is_own: bool = False
     start: Array | None = None
     is_asked: bool = True
+    worth: Array | None = None
 
     @property
     def labels(self) -> tuple[str, ...]:

@@ -26,6 +26,10 @@ _RESOLVED = 0.5
 # fast one leaves.
 _LOOKED_BACK, _TELLING, _FAST = 10, 3, 0.9
 
+# Times the first cost, and one, below zero: a cost that falls that far has no minimum; and where limits are violated,
+# which may yet become dearer, before squares are infinite.
+_BOTTOMLESS, _ABYSS = 1e15, 1e100
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -52,6 +56,25 @@ class EndFound(Exception):
     def __init__(self, outcome: Outcome) -> None:
         super().__init__(outcome.detail)
         self.outcome = outcome
+
+
+def bottomless(run: Run) -> bool:
+    """Whether the cost falls so far below zero that it will have no minimum.
+
+    What falls where limits are violated may be caught by these, when they are dearer.
+    """
+    return _is_deep(run, _BOTTOMLESS) and (not run.problem.stages.violated or _is_deep(run, _ABYSS))
+
+
+def _is_deep(run: Run, times: float) -> bool:
+    first, last = run.history.cost[0], run.history.cost[-1]
+    return last < -times * max(1.0, abs(first))
+
+
+def unless_bottomless(run: Run, outcome: Outcome) -> Outcome:
+    """Return the end of a run; of one that was stuck where its cost had no bottom, that it has none."""
+    stuck = outcome.status in (*STUCK, Status.NO_DIRECTION, Status.DERIVATIVES_FAILED)
+    return Outcome(Status.UNBOUNDED, expected=outcome.expected) if stuck and _is_deep(run, _BOTTOMLESS) else outcome
 
 
 def message(problem: Problem[Any, Any, Any], outcome: Outcome) -> str:

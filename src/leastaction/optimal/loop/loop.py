@@ -23,7 +23,7 @@ from leastaction.errors import LeastActionError
 from leastaction.numerics.frozen import changed, made
 from leastaction.optimal.line_search import SearchStep, Trial
 from leastaction.optimal.loop.directions import Directions
-from leastaction.optimal.loop.ending import EndFound, Outcome, message, outlook
+from leastaction.optimal.loop.ending import EndFound, Outcome, bottomless, message, outlook, unless_bottomless
 from leastaction.optimal.loop.problem import Direction, Problem
 from leastaction.optimal.loop.run import Run
 from leastaction.optimal.loop.search import Search
@@ -68,7 +68,7 @@ class Loop:
             while outcome is None or self.stages.go_on(outcome):
                 self.stages.look()
                 outcome = self._advance()
-            outcome = self.stages.verdict(outcome)
+            outcome = unless_bottomless(self.progress, self.stages.verdict(outcome))
         except KeyboardInterrupt:
             # A solution may have been left half written; none of it belongs to the iterate.
             self.progress.problem.models.forget()
@@ -136,7 +136,8 @@ class Loop:
         problem.steps.accept(direction, trial)
         if foretold is not None:
             problem.models.keep_feedback(direction)
-        return self._tell(direction, step, decrease, note) or foretold
+        told = self._tell(direction, step, decrease, note) or foretold
+        return Outcome(Status.UNBOUNDED) if told is None and bottomless(run) else told
 
     def _tell(
         self, direction: Direction | None, step: SearchStep[Any] | None, decrease: float, note: str

@@ -91,15 +91,17 @@ class Search:
 
         Raises `EndFound` if the cost is seen not to bend downwards there: then the given second derivative is wrong, or
         holds for much shorter steps only. Nothing speaks against a minimum if the convex model expects none either.
+        Beside the stiffness of limits it is the rounding of the model, and no fault of the system's.
         """
         length = self._bends(direction)
         if length is None:
-            detail = (
-                "The second derivative of the system has it fall along a direction in which it rises: hold it to "
-                "check_derivatives."
-            )
-            expected = self._least_expected()
+            expected, detail = self._least_expected(), ""
             status = Status.CONVERGED if expected <= self.run.goal else Status.LINE_SEARCH_FAILED
+            if not self.run.problem.models.knows_longest_step:
+                detail = (
+                    "The second derivative of the system has it fall along a direction in which it rises: hold it to "
+                    "check_derivatives."
+                )
             raise EndFound(Outcome(status, detail, expected))
         step = self._along(direction)
         return step if step.trial is not None else self._along(direction, first=length)

@@ -37,6 +37,13 @@ def rows_of_condition(
     return [Rows("unknowns", quantity, 1.0, np.zeros((1, count)), start, np.full(count, size), is_asked=False)]
 
 
+def rows_of_bound(bound: Bound, system: Any, unknowns: Sequence[Unknown]) -> list[Rows]:
+    """Return the rows of bounds of unknowns, which are constant: they hold at the start."""
+    prices = {each.name: abs(each.price) for each in unknowns}
+    rows = replace(bound, of="unknown", at="start").rows(system, 0)
+    return [replace(row, worth=np.array([prices.get(name, 0.0) for name in row.quantity.names])) for row in rows]
+
+
 def is_of_unknowns(limit: Bound, names: Collection[str]) -> bool:
     """Whether a limit is one on unknowns with these names."""
     if limit.of is not None:

@@ -22,7 +22,7 @@ from leastaction.optimal.loop import Callback
 from leastaction.optimal.options import Options
 from leastaction.optimal.quantity import Entries
 from leastaction.optimal.result import OptimizationResult
-from leastaction.optimal.unknowns.conditions import is_of_unknowns, off_the_border, rows_of_condition
+from leastaction.optimal.unknowns.conditions import is_of_unknowns, off_the_border, rows_of_bound, rows_of_condition
 from leastaction.optimal.unknowns.cost import ExtendedCost
 from leastaction.optimal.unknowns.extended import told_in_own_states
 from leastaction.optimal.unknowns.periodic import Periodic
@@ -67,7 +67,7 @@ class Extension:
         found = []
         for each in self.unknowns:
             if each.min is not None or each.max is not None:
-                found += Bound(each.name, each.min, each.max, of="unknown", at="start").rows(self.system, 0)
+                found += rows_of_bound(Bound(each.name, each.min, each.max), self.system, self.unknowns)
         for limit in self.limits:
             found += self._rows(limit)
         for condition in self.conditions:
@@ -82,8 +82,7 @@ class Extension:
         if isinstance(limit, Periodic):
             return limit.rows(self.system, self.first)
         if isinstance(limit, Bound) and is_of_unknowns(limit, self.system.names):
-            # They are constant.
-            return replace(limit, of="unknown", at="start").rows(self.system, 0)
+            return rows_of_bound(limit, self.system, self.unknowns)
         rows = limit.rows(self.own, self.first)
         return [self._extended(limit, i, row) for i, row in enumerate(rows)]
 

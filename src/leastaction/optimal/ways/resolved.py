@@ -85,15 +85,19 @@ def _drop(run: Run, outcome: Outcome) -> bool:
     if outcome.status in (Status.CONVERGED, Status.STALLED):
         if _active(report).size:
             return False
-        asked.beginning.go_on_from(within.parts.x, within.parts.u, of_asked(asked, report))
+        onward = within.parts.x, within.parts.u, of_asked(asked, report)
         why = "the steps of time resolve the motion: it goes on without that limit"
     else:
         before = state.before
         cheaper = within.report.shown <= asked.parts.asked.value(before.x, before.u)
         if outcome.status is not Status.INFEASIBLE and cheaper:
             return False
-        asked.beginning.go_on_from(before.x, before.u, None)
+        onward = before.x, before.u, None
         why = "what the steps of time resolve led nowhere: back to where it stood"
+    try:
+        asked.beginning.go_on_from(*onward)
+    except LeastActionError:  # near where a step has no derivatives no regulator may follow it: it ends within
+        return False
     asked.parts.work.count_on(within.parts.work)
     run.remember(resolved=None)
     run.problem = asked

@@ -125,7 +125,7 @@ class ContinuousExtension:
         system = self.system
         cost = ExtendedContinuousCost(self.cost, self.unknowns, self.wanted, system)
         limits: list[Limit] = [
-            OfUnknowns(Bound(each.name, each.min, each.max))
+            OfUnknowns(Bound(each.name, each.min, each.max), self.unknowns)
             for each in self.unknowns
             if each.min is not None or each.max is not None
         ]
@@ -133,7 +133,7 @@ class ContinuousExtension:
             if isinstance(limit, Periodic):
                 limits.append(limit)
             elif isinstance(limit, Bound) and is_of_unknowns(limit, self.names):
-                limits.append(OfUnknowns(limit))
+                limits.append(OfUnknowns(limit, self.unknowns))
             else:
                 limits.append(OfOwnStates(limit, guess))
         limits += [OfCondition(each, system, self.unknowns, guess) for each in self.conditions]

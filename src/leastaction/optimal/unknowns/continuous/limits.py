@@ -14,7 +14,7 @@ from leastaction.optimal.limits.charts import numbered
 from leastaction.optimal.limits.limit import Bound, Limit
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Entries, Quantity
-from leastaction.optimal.unknowns.conditions import rows_of_condition
+from leastaction.optimal.unknowns.conditions import rows_of_bound, rows_of_condition
 from leastaction.optimal.unknowns.continuous.system import ExtendedContinuousSystem
 from leastaction.optimal.unknowns.quantity import ExtendedQuantity, changing_parameters
 from leastaction.optimal.unknowns.unknown import Unknown
@@ -53,15 +53,16 @@ class OfOwnStates(Limit):
 
 @dataclass(frozen=True, eq=False)
 class OfUnknowns(Limit):
-    """Bounds of unknowns, which are constant: they hold at the start."""
+    """Bounds of unknowns, which are constant."""
 
     bound: Bound
+    unknowns: Sequence[Unknown]
 
     def __str__(self) -> str:
         return str(self.bound)
 
     def rows(self, system: Points, first: int) -> list[Rows]:  # noqa: ARG002 - that of the system's own states
-        return replace(self.bound, of="unknown", at="start").rows(system, 0)
+        return rows_of_bound(self.bound, system, self.unknowns)
 
 
 @dataclass(frozen=True, eq=False)
