@@ -7,7 +7,12 @@ import importlib
 import inspect
 from collections.abc import Iterator
 
-from api.modules import MODULES
+import numpy as np
+
+import leastaction as la
+from api.modules import MODULES, public_names
+from leastaction import control, identification, io, mechanics, models, optimal, systems, viz
+from leastaction.models.cart_pendulum import cart_pendulum
 
 # What users extend with steps, costs or results of their own, and so does the package.
 OPEN = {"MidpointSystem", "OptimizationResult"}
@@ -48,3 +53,29 @@ def test_every_class_has_a_name_of_its_own() -> None:
             if isinstance(node, ast.ClassDef) and found.setdefault(node.name, name) != name:
                 twice.add(node.name)
     assert twice <= SHARED
+
+
+PACKAGES = (control, identification, io, mechanics, models, optimal, systems, viz)
+
+
+def test_what_users_hold_prints_as_more_than_a_place_in_memory() -> None:
+    names = {**public_names(), **{name: getattr(package, name) for package in PACKAGES for name in package.__all__}}
+    classes = {name: it for name, it in names.items() if inspect.isclass(it) and own(it)}
+    assert len(classes) > 100
+    silent = {name for name, it in classes.items() if it.__repr__ is object.__repr__ and it.__str__ is object.__str__}
+    assert not silent
+
+
+def test_a_system_prints_its_names_and_its_horizon() -> None:
+    vi = la.MidpointVI(cart_pendulum())
+    system = la.MidpointSystem(vi, np.linspace(0.0, 3.0, 151))
+    assert str(system) == "<MidpointSystem: states x, theta, p_x, p_theta; inputs x-force; 150 steps, 0 to 3 s>"
+    assert "v_theta; inputs x-force>" in str(la.MechanismSystem(cart_pendulum()))
+    cost = la.QuadraticCost(np.zeros((151, 4)), np.zeros((150, 1)), Q=np.ones(4), R=[1.0])
+    assert str(cost).startswith("<QuadraticCost: x_wanted (151, 4), u_wanted (150, 1), Q (4,)")
+    assert "tolerance 1e-13" in str(vi)
+
+
+def test_what_is_not_made_yet_prints_too() -> None:
+    for kind in (la.MidpointSystem, la.MidpointVI, la.QuadraticCost, la.MPC, optimal.FunctionSystem):
+        assert str(kind.__new__(kind)).startswith(f"<{kind.__name__}")

@@ -102,6 +102,12 @@ def test_times_may_stand_right_after_a_whole_state() -> None:
     start = vi.start([0.1, 0.2], [0.3, 0.0])
     np.testing.assert_array_equal(la.simulate(vi, start, T).x, vi.simulate(start, T).x)
     np.testing.assert_array_equal(la.simulate(vi, start, t=T).x, vi.simulate(start, T).x)
+    # All numbers of a state are one.
+    np.testing.assert_array_equal(la.simulate(vi, start.x, T).x, vi.simulate(start, T).x)
+    noisy = la.simulate(vi, start.x, T, inputs=[0.0], noise=0.1)
+    np.testing.assert_array_equal(noisy.x, la.simulate(vi, start, T, inputs=[0.0], noise=0.1).x)
+    whole, parts = [0.1, 0.2, 0.3, 0.0], ([0.1, 0.2], [0.3, 0.0])
+    np.testing.assert_array_equal(la.simulate(cart_pendulum(), whole, T).x, la.simulate(cart_pendulum(), *parts, T).x)
 
 
 WRONG = {
@@ -119,7 +125,8 @@ WRONG = {
     ),
     "no mechanism": (lambda _: la.simulate([], [0.0], None, T, noise=0.1), "dynamics: got list, expected a Mechanism"),
     "inputs": (lambda vi: la.simulate(vi, [0.0, 0.1], None, T, inputs=[0.0, 1.0], seed=0), r"inputs: got shape \(2,\)"),
-    "no times": (lambda vi: la.simulate(vi, [0.0, 0.1], T), "simulate: lacks t"),
+    "no times": (lambda vi: la.simulate(vi, [0.0, 0.1], T), r"simulate: lacks t: call simulate\(dynamics, q0, v0, t\)"),
+    "neither": (lambda vi: la.simulate(vi, {"x": 0.1}), "simulate: lacks t"),
     "a velocity beside a state": (lambda vi: la.simulate(vi, vi.start([0.0, 0.1]), [0.0, 0.0], T), "beside a State"),
     "a name": (lambda vi: la.simulate(vi, [0.0, 0.1], None, T, measure="thet"), "measure: unknown name 'thet'"),
 }  # fmt: skip

@@ -10,7 +10,7 @@ import pytest
 from leastaction import Gravity, JointForce, Mechanism, follow, read_motion, ry, tz
 from leastaction.apps.cli.mechanism.conversion import converted
 from leastaction.apps.cli.mechanism.description import text_of
-from leastaction.errors import MotionFileError
+from leastaction.errors import ArgumentError, MotionFileError
 from leastaction.io import read_markers
 
 TABLE = "t [s],hand.x [mm],hand.y [mm],hand.z [mm]\n1,0,0,-400\n1.5,20,0,-399.5\n1.75,,,\n2,40,0,-398\n"
@@ -48,6 +48,43 @@ def test_a_table_of_places_is_markers_with_gaps_that_a_frame_follows(tmp_path: P
     whole = read_motion(written(tmp_path / "whole.csv", TABLE.replace("1.75,,,\n", "")))  # columns of one place
     assert str(whole) == "3 variables at 3 times over 1 s: hand.x, hand.y, hand.z"
     assert follow(arm, whole).errors["hand"] < 1e-4
+
+
+JOINTS = "t [s],elbow [deg],lift\n0,,0\n1,10,1\n2,,4\n3,30,\n4,NaN,16\n5,50,25\n"
+
+
+def test_gaps_of_joints_are_filled_where_that_is_asked_for(tmp_path: Path) -> None:
+    path = written(tmp_path / "joints.csv", JOINTS)
+    with pytest.raises(MotionFileError, match=r"elbow is nan at t = 0 s.*gaps='linear' or gaps='spline'"):
+        read_motion(path)
+    lines, spline = read_motion(path, gaps="linear"), read_motion(path, gaps="spline")
+    for each in (lines, spline):
+        np.testing.assert_allclose(np.rad2deg(each["elbow"]), [10.0, 10.0, 20.0, 30.0, 40.0, 50.0], atol=1e-12)
+    assert lines["lift"][3] == 10.0
+    assert spline["lift"][3] == pytest.approx(9.0)  # through a parabola
+    with pytest.raises(ArgumentError, match="gaps: got 'cubic', expected 'linear' or 'spline'"):
+        read_motion(path, gaps="cubic")
+    with pytest.raises(MotionFileError, match="elbow has no value that is known"):
+        read_motion(written(tmp_path / "none.csv", "t [s],elbow\n0,\n1,nan\n"), gaps="linear")
+
+
+@pytest.mark.parametrize("gaps", ["linear", "spline"])
+def test_gaps_of_rotations_are_filled_as_rotations(gaps: str, tmp_path: Path) -> None:
+    """A turn about one axis at a steady speed, whose quaternions change their sign as sensors' do."""
+    t = np.linspace(0.0, 1.0, 11)
+    rotation = np.stack([np.cos(t), np.sin(t), 0.0 * t, 0.0 * t], axis=1)
+    rotation[4:] *= -1.0
+    shown = rotation.copy()
+    shown[[0, 5, 8]] = np.nan
+    shown[3, 2] = np.nan  # one number is lost
+    text = "t,hip.qw,hip.qx,hip.qy,hip.qz\n" + "".join(
+        ",".join("" if np.isnan(each) else repr(float(each)) for each in (when, *row)) + "\n"
+        for when, row in zip(t, shown, strict=True)
+    )
+    found = read_motion(written(tmp_path / "turn.csv", text), gaps=gaps).q
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(found[1:], rotation[1:], atol=1e-4)
+    np.testing.assert_array_equal(found[0], rotation[1])
 
 
 def test_a_trc_has_names_units_and_what_was_not_seen(tmp_path: Path) -> None:

@@ -13,10 +13,10 @@ from leastaction.mechanics.continuous import simulation as continuous
 from leastaction.mechanics.continuous.dynamics import ContinuousDynamics, as_dynamics
 from leastaction.mechanics.continuous.trajectory import ContinuousTrajectory
 from leastaction.mechanics.discrete.midpoint import MidpointVI
-from leastaction.mechanics.discrete.trajectory import State, Trajectory
+from leastaction.mechanics.discrete.trajectory import State, Trajectory, state_of
 from leastaction.mechanics.mechanism.arguments import rates, single
 from leastaction.mechanics.mechanism.mechanism import Mechanism
-from leastaction.numerics.arrays import Array, Row, as_times
+from leastaction.numerics.arrays import Array, Row, as_array, as_times
 from leastaction.numerics.public import checked, public
 from leastaction.numerics.signals import Signal, StateLaw, signal_rows, takes_state
 from leastaction.optimal.system import System
@@ -144,8 +144,8 @@ def simulate(
     q0 : array_like (nq,), mapping of str to float, or State
         Configuration at the start (m or rad), by name what is not given is zero; of a system, its state (nx,).
     v0 : array_like (nv,) or mapping of str to float, optional
-        Velocity at the start (m/s or rad/s). None: at rest. A system's state and a `State` have it: after these the
-        times may stand in its place, ``simulate(vi, start, t)``.
+        Velocity at the start (m/s or rad/s). None: at rest. A system's state, a `State` and a row of all numbers of a
+        state have it: after these the times may stand in its place, ``simulate(vi, start, t)``.
     t : array_like (N+1,)
         Times of the result (s), increasing; the first is that of the start.
     inputs : array_like, callable or MPC, optional
@@ -189,10 +189,18 @@ def simulate(
     True
     """
     whole = isinstance(q0, State) or isinstance(dynamics, System)
+    if t is None and v0 is not None:
+        if whole:
+            v0, t = None, cast(ArrayLike, v0)
+        elif (split := _split(dynamics, q0)) is not None:
+            t = cast(ArrayLike, v0)
+            q0, v0 = split(float(as_times(t)[0]))
+            whole = isinstance(q0, State)
     if t is None:
-        v0, t = (None, cast(ArrayLike, v0)) if whole else (v0, None)
-    if t is None:
-        raise LackingArgumentError("lacks t")
+        raise LackingArgumentError(
+            "lacks t: call simulate(dynamics, q0, v0, t), where v0=None begins at rest; times in the place of v0 go "
+            "with a State, or all (nx,) numbers of one, as q0"
+        )
     if whole and v0 is not None:
         what = type(q0 if isinstance(q0, State) else dynamics).__name__
         raise ArgumentError(f"v0: got one beside a {what}, expected None: the state is given whole, as q0")
@@ -214,6 +222,17 @@ def simulate(
     if isinstance(dynamics, MidpointVI):
         return checked(MidpointVI.simulate)(dynamics, cast(State, q0), t, inputs=inputs, **options)
     return checked(continuous.simulate)(as_dynamics(dynamics), cast(Row, q0), v0, t, inputs=inputs, **options)
+
+
+def _split(dynamics: Any, row: Any) -> Callable[[float], tuple[Any, Any]] | None:
+    """Return what gives q0 and v0 at a time, of a row of all numbers of a mechanism's state; None where it is none."""
+    m: Mechanism = dynamics if isinstance(dynamics, Mechanism) else dynamics.mechanism
+    if isinstance(row, Mapping) or np.shape(row) != ((m.nx if isinstance(dynamics, MidpointVI) else m.nq + m.nv),):
+        return None
+    x = as_array(row, "q0", np.shape(row))
+    if isinstance(dynamics, MidpointVI):
+        return lambda t: (state_of(m, t, x), None)
+    return lambda _: (x[: m.nq], x[m.nq :])
 
 
 def _closed(dynamics: Any, q0: Any, v0: Row | None, times: Array, inputs: Any, closing: dict[str, Any]) -> ClosedLoop:

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leastaction.errors import ArgumentError, KeywordError, LackingArgumentError, LeastActionError, brief
+from leastaction.numerics.printed import printed
 
 T = TypeVar("T")
 
@@ -51,12 +52,15 @@ class Asked(NamedTuple):
 def public(it: T) -> T:
     """Return a public function that is called through checks; a class is changed in its place, with its methods.
 
+    A class that does not say what it prints as prints what it was made of.
     Of what describes a mechanism keywords alone are checked: values are when it is compiled, and named by their place.
     """
     if inspect.isfunction(it):
         return _around(it, it.__name__)  # type: ignore[return-value]
     assert inspect.isclass(it)
     assert not issubclass(it, (BaseException, enum.Enum))
+    if it.__repr__ is object.__repr__:
+        it.__repr__ = printed  # type: ignore[method-assign]
     for name, found in list(vars(it).items()):
         if name != "__init__" and (_describes(it) or (name.startswith("_") and name not in _CALLED_BY_USERS)):
             continue

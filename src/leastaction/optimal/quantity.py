@@ -13,6 +13,7 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_places, read_only
 from leastaction.numerics.differences import central_differences, complex_step
 from leastaction.numerics.names import as_names, matching, some_names
+from leastaction.numerics.printed import printed
 from leastaction.numerics.public import public
 from leastaction.optimal.functions import as_complex, called, sized
 
@@ -41,6 +42,8 @@ class Quantity(ABC):
     A quantity of the state (`of_state`) is evaluated at instants. Any other is evaluated for steps, with their inputs
     and, if it `looks_ahead`, with the states that the steps lead to.
     """
+
+    __repr__ = printed
 
     names: tuple[str, ...]
     """One for each function."""

@@ -25,6 +25,7 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics import rotations
 from leastaction.numerics.arrays import Array, as_count
 from leastaction.numerics.differences import fourth_order
+from leastaction.numerics.printed import printed
 from leastaction.numerics.public import public
 
 Pattern = npt.NDArray[np.bool_]
@@ -39,6 +40,8 @@ class StateSpace(ABC):
 
     Subclasses set `nx` and `ndx`, and implement what is abstract.
     """
+
+    __repr__ = printed
 
     nx: int
     """Numbers of a state."""

@@ -31,6 +31,7 @@ from leastaction.errors import ArgumentError, brief, closest
 from leastaction.numerics.arrays import Array, Row, as_array, as_count
 from leastaction.numerics.dataset import Dataset
 from leastaction.numerics.names import as_names, matching
+from leastaction.numerics.printed import listed
 from leastaction.numerics.public import public
 from leastaction.optimal.quantity import Entries, Quantity
 from leastaction.optimal.space import DifferencedSpace, StateSpace, Vectors
@@ -139,6 +140,16 @@ class System(ABC):
 
     has_curvature: bool = True
     """Whether `curvature` is available; without it Newton's method is not offered."""
+
+    def __repr__(self) -> str:
+        if not (hasattr(self, "nx") and hasattr(self, "nu")):
+            return f"<{type(self).__name__}>"  # not made yet
+        names = f"states {listed(self.state_names)}; inputs {listed(self.input_names) or 'none'}"
+        horizon = self.own_horizon()
+        return f"<{type(self).__name__}: {names}{'' if horizon is None else f'; {horizon}'}>"
+
+    def own_horizon(self) -> str | None:
+        """Return the horizon in words, of a system that has one."""
 
     @cached_property
     def ndx(self) -> int:

@@ -10,12 +10,12 @@ from leastaction.io.motion.acclaim import read_amc
 from leastaction.io.motion.bvh import read_bvh
 from leastaction.io.motion.capture import Capture
 from leastaction.io.motion.motion import Motion
-from leastaction.io.motion.table import read_table_motion
+from leastaction.io.motion.table import Between, read_table_motion
 from leastaction.numerics.public import public
 
 
 @public
-def read_motion(path: str | PathLike[str]) -> Motion:
+def read_motion(path: str | PathLike[str], *, gaps: Between | None = None) -> Motion:
     """Read a motion of named variables over time from a table of text (CSV).
 
     Parameters
@@ -25,6 +25,9 @@ def read_motion(path: str | PathLike[str]) -> Motion:
         each instant. Degrees, millimetres and centimetres become radians and metres; a name without a unit is taken as
         it is. Lines that begin with # are left out. `Motion.save` writes such a file. Of a capture by its skeleton
         (``.bvh``, ``.amc``) see `read_capture`, of one by its markers (``.c3d``, ``.trc``) `read_markers`.
+    gaps : {"linear", "spline"}, optional
+        Fill what is missing (NaN, or nothing between two commas) on straight lines, or on the cubic spline through what
+        is known; before and after that the nearest value is held. Without it a gap is an error.
 
     Returns
     -------
@@ -35,6 +38,8 @@ def read_motion(path: str | PathLike[str]) -> Motion:
     ------
     MotionFileError
         The file cannot be read or is no such table; the message names the line.
+    ArgumentError
+        Another word for `gaps`.
     """
     kind = Path(path).suffix.lower()
     for endings, reader in (((".bvh", ".amc", ".asf"), "read_capture"), ((".c3d", ".trc"), "read_markers")):
@@ -42,7 +47,7 @@ def read_motion(path: str | PathLike[str]) -> Motion:
             raise MotionFileError(
                 f"{path}: is a capture, expected a table of named variables. `leastaction.io.{reader}` reads it"
             )
-    return read_table_motion(path)
+    return read_table_motion(path, gaps)
 
 
 @public

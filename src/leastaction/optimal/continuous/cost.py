@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array
 from leastaction.numerics.frozen import restore_state, saved_state
+from leastaction.numerics.printed import printed
 from leastaction.numerics.public import public
 from leastaction.numerics.time_functions import TimeFunction, TimeFunctionLike
 from leastaction.optimal.continuous.final_term import FinalTerm, QuadraticFinalTerm
@@ -54,6 +55,8 @@ class ContinuousCost(ABC):
 
     The arrays given are read-only. A cost whose methods are pure may serve several threads at once.
     """
+
+    __repr__ = printed
 
     nonnegative: bool = False
     """Whether the rate is never below zero: a trial can then be given up as soon as its cost so far is

@@ -15,6 +15,7 @@ from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, read_only
 from leastaction.numerics.frozen import restore_state, saved_state
 from leastaction.numerics.pool import empty
+from leastaction.numerics.printed import printed
 from leastaction.numerics.public import public
 from leastaction.optimal.cost import Deviations, as_weight, clipped, deviations, final_of, matrix_of, owned_row, weigh
 from leastaction.optimal.discrete.hessians import CostHessian, ModelHessian
@@ -47,6 +48,8 @@ class Cost(ABC):
     are by the dx of ``system.plus(x, dx)`` at zero: ndx is nx of all others. A cost whose methods are pure may serve
     several threads at once. `check_derivatives` holds a cost of yours to its identities.
     """
+
+    __repr__ = printed
 
     nonnegative: bool = False
     """Whether no stage costs less than zero: a trial can then be given up as soon as its cost so far

@@ -44,6 +44,13 @@ class DiscreteSystem(System):
     def derivatives(self, x: Array, u: Array, k: int) -> tuple[Array, Array]:
         """Return ``A = df/dx`` (ndx, ndx) and ``B = df/du`` (ndx, nu) of step k."""
 
+    def own_horizon(self) -> str | None:
+        if not hasattr(self, "N"):
+            return None
+        first, last = self.own_time(0), self.own_time(self.N)
+        when = "" if first is None or last is None else f", {first:g} to {last:g} s"
+        return f"{self.N} steps{when}"
+
     def rollout(self, x0: Array, xbar: Array, ubar: Array, K: Array, start: int, stop: int) -> Rollout:
         """Simulate steps ``start .. stop-1`` under the feedback ``u = ubar - K difference(x, xbar)``.
 

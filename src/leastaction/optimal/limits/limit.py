@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError, brief, closest
 from leastaction.numerics.arrays import Array, as_number, require_instance
 from leastaction.numerics.names import as_names, matching
+from leastaction.numerics.printed import printed
 from leastaction.numerics.public import public
 from leastaction.optimal.limits.rows import Rows
 from leastaction.optimal.quantity import Quantity, WeightedSum
@@ -51,6 +52,8 @@ class Horizon(Protocol):
 
 class Limit(ABC):
     """What a motion has to keep to. Frozen, so any number of threads may share it."""
+
+    __repr__ = printed
 
     at: When = None
     """When it holds; always if None."""

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from leastaction.errors import ArgumentError
 from leastaction.numerics.arrays import Array, as_array, as_number, read_only
 from leastaction.numerics.frozen import changed, own_arrays, restore_state, saved_state
+from leastaction.numerics.printed import printed
 from leastaction.numerics.public import public
 from leastaction.optimal.quantity import Instants
 from leastaction.systems.regions.apart import ConvexSolid, Hole, Shape, Side
@@ -21,6 +22,8 @@ Place = ArrayLike | Callable[[float], ArrayLike]
 
 class Region(ABC):
     """A part of space, as functions of a point that are positive inside of it. Frozen; threads may share it."""
+
+    __repr__ = printed
 
     __getstate__, __setstate__ = saved_state, restore_state
 

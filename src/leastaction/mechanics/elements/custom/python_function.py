@@ -22,6 +22,7 @@ from leastaction.mechanics.elements.fields import FRAMES, INPUT, Metadata, numbe
 from leastaction.mechanics.elements.kinds import Kind, Names, Uses
 from leastaction.mechanics.expressions.terms import unit_vector
 from leastaction.numerics.names import check_name
+from leastaction.numerics.printed import printed
 from leastaction.numerics.public import public
 
 Direction = tuple[str, str | Sequence[float]]
@@ -39,6 +40,8 @@ class PythonFunction(abc.ABC):
 
     Nothing may change between calls with the same z, which is read-only.
     """
+
+    __repr__ = printed
 
     @abc.abstractmethod
     def value(self, z: NDArray[Any]) -> Any:
