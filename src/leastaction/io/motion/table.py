@@ -67,7 +67,7 @@ def read_table_motion(path: str | os.PathLike[str], gaps: Between | None = None)
 def _filled(table: Dataset, between: Between) -> dict[str, Array]:
     """Return the columns of a table by name, with what is missing filled from what is before and after.
 
-    At the ends the nearest value is held. Rotations that are four numbers are filled as a whole, and stay of unit length.
+    At the ends the nearest value is held. Rotations that are four numbers are filled as a whole, of unit length.
     """
     values = {column.name: np.array(column.values, dtype=np.float64) for column in table.columns}
     for name in values:
