@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.interpolate import make_interp_spline
 
 import leastaction
 from leastaction.costs import QuadraticCost
@@ -114,6 +115,31 @@ def test_the_hand_is_an_input_of_an_optimisation() -> None:
     reached = m.frame_pose(result.x[-1, : m.nq], "hand")[:3, :3]
     meant = m.frame_pose(wanted[: m.nq], "hand")[:3, :3]
     assert np.abs(reached - meant).max() < 0.1
+
+
+def test_what_is_prescribed_in_continuous_time_goes_by_name() -> None:
+    m, t = bar(), np.linspace(0.0, 0.5, 51)
+    rows = np.array([curve(time) for time in t])
+    q0, v0 = np.r_[0.2, -0.1, curve(0.0)], None
+    whole = simulate(m, q0, v0, t, rho=rows)
+    turns = rows[:, 1:] * np.where(np.arange(51) % 3 == 1, -1.0, 1.0)[:, None]  # of either sign
+    spline = PrescribedMotion.through(t, rows[:, :1])
+    for lift in (rows[:, 0], spline, make_interp_spline(t, rows[:, 0], k=5)):
+        by_name = simulate(m, q0, v0, t, rho={"hand": turns, "lift": lift})
+        np.testing.assert_allclose(by_name.x, whole.x, atol=1e-9)
+    # What is left out stays where it begins, and so does what has a number.
+    for held in ({}, {"lift": 0.0}):
+        still = simulate(m, q0, v0, t, rho={"hand": turns, **held})
+        np.testing.assert_array_equal(still["lift"], 0.0)
+        np.testing.assert_allclose(still.q[:, 3:7], whole.q[:, 3:7], atol=1e-12)
+    for wrong, message in (
+        ({"hnd": turns}, "rho: unknown name 'hnd'; did you mean 'hand'"),
+        ({"hand": turns, "lift": lambda t: 0.1 * t}, r"rho\['lift'\]: got the function .* says nothing of its"),
+        ({"lift": rows}, r"rho\['lift'\]: got shape \(51, 5\)"),
+        ({"lift": 0.3}, "the start has 'lift' at 0, but the prescribed motion has it at 0.3"),
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            simulate(m, q0, v0, t, rho=wrong)
 
 
 def test_rows_may_begin_with_the_other_sign() -> None:

@@ -45,7 +45,7 @@ class DiscreteOptions(TypedDict, total=False):
 class ContinuousOptions(TypedDict, total=False):
     """What `leastaction.mechanics.simulate` takes besides."""
 
-    rho: PrescribedMotion | ArrayLike | None
+    rho: PrescribedMotion | ArrayLike | Mapping[str, PrescribedMotion | ArrayLike] | None
     rho_a: ContinuousSignal
     u: StateLaw | None
     method: str

@@ -6,14 +6,14 @@ A rotation that is a quaternion is prescribed as a curve of four numbers q, whos
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from leastaction.errors import ArgumentError
+from leastaction.errors import ArgumentError, unknown
 from leastaction.mechanics.mechanism.arguments import unit_quaternions
 from leastaction.mechanics.mechanism.mechanism import Mechanism
 from leastaction.mechanics.mechanism.turns import prescribed_rotations, turns_for_quaternions
@@ -142,20 +142,70 @@ class Prescribed:
         return as_array(given, what, (len(self.names),), names=self.names)
 
 
-def as_prescribed(m: Mechanism, rho: object, times: Array) -> Prescribed:
-    """Return the prescribed motion that a user gives as one, as a spline, or as rows at the instants."""
+def as_prescribed(m: Mechanism, rho: object, times: Array, rest: Callable[[], Array]) -> Prescribed:
+    """Return the prescribed motion that a user gives as one, as a spline, as rows at the instants, or these by name.
+
+    ``rest``: gives the coordinates (nq - first_rho,) of the start, where those stay that have no motion.
+    """
+    if isinstance(rho, Mapping):
+        return Prescribed(m, _put_together(m, rho, times, rest()))
+    known = _as_curve(rho, "rho")
+    if known is not None:
+        return Prescribed(m, known)
+    names = m.coordinates[m.first_rho :]
+    return through_rows(m, times, as_array(rho, "rho", (len(times), len(names)), names=names))
+
+
+def _as_curve(rho: object, what: str) -> PrescribedMotion | None:
+    """Return what has derivatives by time as a prescribed motion; None for numbers."""
     if isinstance(rho, PrescribedMotion):
-        return Prescribed(m, rho)
+        return rho
     if callable(rho) and callable(getattr(rho, "derivative", None)):
-        return Prescribed(m, PrescribedMotion.from_spline(rho))
+        return PrescribedMotion.from_spline(rho)
     if callable(rho):
         raise ArgumentError(
-            f"rho: got the function {rho!r}, which says nothing of its derivatives; give a PrescribedMotion "
+            f"{what}: got the function {rho!r}, which says nothing of its derivatives; give a PrescribedMotion "
             "of value, velocity and acceleration, a spline of SciPy, rows at the instants, or accelerations "
             "as rho_a="
         )
+    return None
+
+
+def _put_together(m: Mechanism, rho: Mapping[str, Any], times: Array, rest: Array) -> PrescribedMotion:
+    """Return motions of some coordinates by their names, of rotations by those of their joints; others stay."""
     names = m.coordinates[m.first_rho :]
-    return through_rows(m, times, as_array(rho, "rho", (len(times), len(names)), names=names))
+    places = {name: slice(i, i + 1) for i, name in enumerate(names)}
+    balls = {rotation.name: rotation for rotation, _, _ in prescribed_rotations(m)}
+    places.update({rotation.name: slice(i, i + 4) for rotation, i, _ in prescribed_rotations(m)})
+    held, moves = rest.copy(), list[tuple[slice, PrescribedMotion]]()
+    for name, given in rho.items():
+        if name not in places:
+            raise unknown("name", name, places, "rho")
+        here, what = places[name], f"rho[{name!r}]"
+        curve = _as_curve(given, what)
+        row = () if name not in balls else (4,)
+        if curve is None:
+            values = as_array(given, what, row, (len(times), *row))
+            if values.shape == row:
+                held[here] = values
+                continue
+            rows = values.reshape(len(times), -1)
+            if name in balls:
+                rows = continued(unit_quaternions(balls[name], rows, what))
+            curve = PrescribedMotion.through(times, rows)
+        moves.append((here, curve))
+
+    def along(order: str, start: Array) -> Callable[[float], Array]:
+        def value(t: float) -> Array:
+            whole = start.copy()
+            for here, curve in moves:
+                whole[here] = getattr(curve, order)(t)
+            return whole
+
+        return value
+
+    still = np.zeros(len(names))
+    return PrescribedMotion(along("value", held), along("velocity", still), along("acceleration", still))
 
 
 def through_rows(m: Mechanism, times: Array, rows: Array, *, degree: int = 5) -> Prescribed:

@@ -41,7 +41,7 @@ def simulate(
     t: ArrayLike,
     *,
     inputs: ContinuousSignal = None,
-    rho: PrescribedMotion | ArrayLike | None = None,
+    rho: PrescribedMotion | ArrayLike | Mapping[str, PrescribedMotion | ArrayLike] | None = None,
     rho_a: ContinuousSignal = None,
     u: StateLaw | None = None,
     method: str = "DOP853",
@@ -76,9 +76,10 @@ def simulate(
         `PiecewisePolynomial`, likewise; a function ``(t) -> (n_inputs,)``; or one ``(t, x) -> (n_inputs,)``, which may
         have a ``jacobian(t, x) -> (n_inputs, nx)`` for implicit methods, such as `Feedback`. Constants, rows and
         functions of time by name too, ``{"push": 2.0}``. Zero if not given.
-    rho : PrescribedMotion, spline of SciPy, or array_like of shape (N+1, nq - first_rho), optional
+    rho : PrescribedMotion, spline of SciPy, array_like of shape (N+1, nq - first_rho), or mapping, optional
         Motion of the kinematic coordinates, twice differentiable; through rows a quintic spline is laid. It is kept
-        exactly. A rotation that is a quaternion has its four numbers, whose length says nothing, but in rows.
+        exactly. A rotation that is a quaternion has its four numbers, whose length says nothing, but in rows. By name,
+        ``{"hand": rows, "rope": 2.0}``, a rotation by that of its joint, others stay where they begin.
     rho_a : array_like or callable, optional
         Accelerations of the kinematic variables instead, in the forms of `inputs`; rho and v_rho are integrated.
         Zero if neither is given: they go on at the velocity of the start.
@@ -131,7 +132,7 @@ def simulate(
     m = dynamics.mechanism
     times = as_times(t)
     handling = as_handling(constraints)
-    motion = _motion(m, rho, rho_a, u, inputs, times)
+    motion = _motion(m, rho, rho_a, u, inputs, times, q0)
     x0 = _start(m, q0, v0, motion, float(times[0]))
     if not isinstance(handling, Baumgarte):
         check_start_consistent(m.at_time(times[0]), x0[: m.nq], x0[m.nq :])
@@ -194,7 +195,9 @@ def simulate(
     return replace(result, status=status, message=message, balance=balance, warnings=told)
 
 
-def _motion(m: Mechanism, rho: object, rho_a: object, u: object, inputs: object, times: Array) -> Prescribed | None:
+def _motion(
+    m: Mechanism, rho: object, rho_a: object, u: object, inputs: object, times: Array, q0: Row
+) -> Prescribed | None:
     given = {"rho": rho, "rho_a": rho_a, "u": u, "inputs": inputs}
     named = [name for name, value in given.items() if value is not None]
     if u is not None and len(named) > 1:
@@ -208,7 +211,7 @@ def _motion(m: Mechanism, rho: object, rho_a: object, u: object, inputs: object,
             f"u: got {type(u).__name__}, expected a function (t, x) -> [inputs; rho_a]; give arrays as inputs= and "
             "rho_a="
         )
-    return None if rho is None else as_prescribed(m, rho, times)
+    return None if rho is None else as_prescribed(m, rho, times, lambda: single(m, q0, "q0")[m.first_rho :])
 
 
 def _start(m: Mechanism, q0: Row, v0: Row | None, motion: Prescribed | None, t0: float) -> Array:
