@@ -97,6 +97,29 @@ def test_pictures_show_what_is_there(tmp_path: Path) -> None:
     assert np.median(dark) < 60 < 200 < np.median(picture)
 
 
+def test_pictures_are_seen_from_where_one_likes(tmp_path: Path) -> None:
+    """A thin bar along x: in full from the side, hardly from where x points to; twice as long from half as far."""
+    image = pytest.importorskip("PIL.Image")
+    bar = Shape(frame="world", kind="box", size=[0.5, 0.01, 0.01], color=(1.0, 0.0, 0.0, 1.0))
+    view = show(Mechanism([tx("x", name="body", mass=1.0)]), shapes=[bar])
+
+    def length(**where: float) -> int:
+        path = view.seen_from(**where).save(tmp_path / "bar.png", size=(400, 200))
+        picture = np.asarray(image.open(path)).astype(int)
+        return int(np.ptp(np.nonzero(picture[..., 0] - picture[..., 1] > 80)[1]))
+
+    whole = length(azimuth=90.0, elevation=0.0)
+    assert length(azimuth=0.0, elevation=0.0) < 0.2 * whole
+    assert length(azimuth=90.0, elevation=0.0, nearer=2.0) == pytest.approx(2.0 * whole, rel=0.05)
+    assert view.seen_from(30.0).scenes[0].azimuth == 30.0
+    page = view.seen_from(30.0, nearer=2.0).page()
+    assert '"nearer":2.0' in page.replace(" ", "")
+    with pytest.raises(ArgumentError, match="elevation: got 120 degrees, expected -90 to 90"):
+        view.seen_from(0.0, 120.0)
+    with pytest.raises(ArgumentError, match="nearer: got 0"):
+        view.seen_from(0.0, nearer=0.0)
+
+
 def test_the_nearest_triangle_is_seen() -> None:
     x = np.array([[0.0, 20.0, 0.0], [0.0, 20.0, 0.0], [5.0, 15.0, 5.0]])
     y = np.array([[0.0, 0.0, 20.0], [0.0, 0.0, 20.0], [5.0, 5.0, 15.0]])

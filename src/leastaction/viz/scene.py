@@ -166,6 +166,8 @@ class Scene:
         Forces, joints, and when which limit is active.
     azimuth, elevation
         From where it is first seen: about the vertical from the x axis, and above the floor (degrees).
+    nearer
+        How many times nearer than where all of a pose is in sight.
     kinematics
         How joints move the frames of what stands still, for the page's sliders; see `kinematics`.
 
@@ -195,6 +197,7 @@ class Scene:
     limits: tuple[ActiveLimit, ...] = ()
     azimuth: float = 50.0
     elevation: float = 9.0
+    nearer: float = 1.0
     kinematics: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:

@@ -35,6 +35,7 @@ def page_data(stages: Sequence[Stage]) -> dict[str, Any]:
         "grid": power * (0.25 if size < 2.5 * power else 0.5 if size < 5.0 * power else 1.0),
         "azimuth": math.radians(first.azimuth),
         "elevation": math.radians(first.elevation),
+        "nearer": first.nearer,
         "meshes": meshes.encoded(),
     }
 

@@ -48,7 +48,7 @@ def camera_of(stage: Stage, time: float, width: int, height: int) -> Camera:
     scene = stage.scene
     spot = placing.at_time(scene.points[scene.focus], scene.t, time) if scene.focus else stage.centre
     centre = np.array([spot[0], spot[1], stage.floor + 0.5 * stage.height])
-    yaw, pitch, far = np.radians(scene.azimuth), np.radians(scene.elevation), 1.45 * stage.size
+    yaw, pitch, far = np.radians(scene.azimuth), np.radians(scene.elevation), 1.45 * stage.size / scene.nearer
     c, s, cy, sy = np.cos(pitch), np.sin(pitch), np.cos(yaw), np.sin(yaw)
     axes = np.array([[-sy, cy, 0.0], [-s * cy, -s * sy, c], [-c * cy, -c * sy, -s]])
     return Camera(

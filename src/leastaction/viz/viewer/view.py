@@ -7,12 +7,12 @@ import os
 import tempfile
 import webbrowser
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 from leastaction.errors import ArgumentError, brief
-from leastaction.numerics.arrays import as_count
+from leastaction.numerics.arrays import as_count, as_number
 from leastaction.numerics.files import write_bytes, write_text
 from leastaction.numerics.public import public
 from leastaction.viz.scene import Scene
@@ -65,6 +65,29 @@ class View:
             f'<iframe srcdoc="{html.escape(self.page(), quote=True)}" title="{html.escape(self.scenes[0].title)}" '
             f'style="width:100%;height:{_NOTEBOOK_HEIGHT}px;border:0" allowfullscreen></iframe>'
         )
+
+    def seen_from(self, azimuth: float, elevation: float = 16.0, *, nearer: float = 1.0) -> View:
+        """Return the same, seen from elsewhere: pages at first, where a mouse turns them, pictures and movies always.
+
+        Parameters
+        ----------
+        azimuth : float
+            Where it is seen from, about the vertical (degrees): 0 from where x points to, 90 from where y does.
+        elevation : float, optional
+            How far from above (degrees).
+        nearer : float, optional
+            How many times nearer than where all of a pose is in sight: more than 1 for what is wide and low.
+
+        Raises
+        ------
+        ArgumentError
+            What is no number, an elevation beyond straight from above or below, or nothing to be nearer by.
+        """
+        turn, tilt = as_number(azimuth, "azimuth"), as_number(elevation, "elevation")
+        if not -90.0 <= tilt <= 90.0:
+            raise ArgumentError(f"elevation: got {tilt:g} degrees, expected -90 to 90")
+        there = {"azimuth": turn, "elevation": tilt, "nearer": as_number(nearer, "nearer", above=0.0)}
+        return replace(self, scenes=tuple(replace(each, **there) for each in self.scenes))
 
     def open(self) -> Path:
         """Show it in the browser.

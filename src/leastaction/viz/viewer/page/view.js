@@ -25,7 +25,7 @@ function setTheme(name) {
 }
 const LIGHT = unit([0.6 * Math.cos(S.azimuth - 0.65), 0.6 * Math.sin(S.azimuth - 0.65), 1]), WOOD = [0.84, 0.66, 0.45, 1], METAL = [0.55, 0.58, 0.63, 1];
 // As far away that what is shown fits between the panels above and below.
-const afar = () => 1.25 * S.size / clamp((innerHeight - (still ? 80 : 190)) / innerHeight, 0.4, still ? 0.9 : 0.78);
+const afar = () => 1.25 * S.size / S.nearer / clamp((innerHeight - (still ? 80 : 190)) / innerHeight, 0.4, still ? 0.9 : 0.78);
 let camera = null; // of the panel that was drawn last
 function aim(panel, k, w, width, height) {
   const spot = panel.focus < 0 ? panel.spot : panel.got.at(k, w, panel.focus), target = show.follow ? spot : (panel.spot || spot);
