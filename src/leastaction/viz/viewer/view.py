@@ -86,8 +86,9 @@ class View:
         turn, tilt = as_number(azimuth, "azimuth"), as_number(elevation, "elevation")
         if not -90.0 <= tilt <= 90.0:
             raise ArgumentError(f"elevation: got {tilt:g} degrees, expected -90 to 90")
-        there = {"azimuth": turn, "elevation": tilt, "nearer": as_number(nearer, "nearer", above=0.0)}
-        return replace(self, scenes=tuple(replace(each, **there) for each in self.scenes))
+        close = as_number(nearer, "nearer", above=0.0)
+        scenes = (replace(each, azimuth=turn, elevation=tilt, nearer=close) for each in self.scenes)
+        return replace(self, scenes=tuple(scenes))
 
     def open(self) -> Path:
         """Show it in the browser.
