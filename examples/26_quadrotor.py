@@ -66,10 +66,8 @@ def main(output: Path) -> la.OptimizationResult:
     ring = np.stack([0.4 * np.cos(angles), 0.0 * angles, 1.3 + 0.4 * np.sin(angles)], axis=1)
     shapes = [Shape.rod("world", a, b, 0.02, (0.95, 0.75, 0.2, 1.0)) for a, b in pairwise(ring)]
     flown = DRONE.frame_pose(found.trajectory.q[[0, 20, 30, 36, 40, 45, 50, 62, 80]], "drone")
-    shown = shapes + [replace(each, frame="world", pose=pose @ each.pose) for pose in flown for each in LOOK]
-    la.show(found, shapes=shown).seen_from(20.0, 14.0, nearer=1.6).save(
-        output / "26_quadrotor.png", at=0.8, size=(840, 520)
-    )
+    look = shapes + [replace(each, frame="world", pose=pose @ each.pose) for pose in flown for each in LOOK]
+    la.show(found, shapes=look).seen_from(20, 14, nearer=1.6).save(output / "26_quadrotor.png", at=0.8, size=(840, 520))
     la.show(found, shapes=shapes + LOOK, title="Quadrotor").save(output / "26_quadrotor.html")
     return found
 
