@@ -328,7 +328,9 @@ def test_the_shortest_time_is_bang_bang() -> None:
     assert result.K.shape == (40, 1, 2)
 
 
-@pytest.mark.parametrize(("way", "push", "guess"), [(10.0, 0.5, 2.0), (1.0, 1.0, 30.0), (1.0, 1.0, 0.3)])
+@pytest.mark.parametrize(
+    ("way", "push", "guess"), [(10.0, 0.5, 2.0), (1.0, 1.0, 30.0), (1.0, 1.0, 0.3), (1.0, 1.0, 0.01)]
+)
 def test_the_shortest_time_from_poor_guesses(way: float, push: float, guess: float) -> None:
     """No time at all costs nothing, and must not be what a search ends at."""
     system = slide(40, guess)

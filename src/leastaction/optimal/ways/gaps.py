@@ -30,7 +30,9 @@ from leastaction.optimal.ways.resolved import of_asked, resolved_rows
 
 _UNMET = "gaps for unmet limits"  # its name among the ways that were taken
 _MOST = 300  # iterations that each attempt for unmet limits may take
-_LONGER = 10.0  # factor by which a motion lasts longer in an attempt, where its final time is found too
+# Factors by which a motion lasts longer in an attempt, where its final time is found too; all of them are tried where
+# that has shrunk to less than a part of the given one, else the first.
+_LONGER, _SHRUNK = (10.0, 100.0, 1000.0), 0.1
 _DEARER = 20.0  # price of violating a limit at a single instant in these attempts, over that before
 _LONG, _LONG_IF_LOST = 200, 100  # iterations after which a run is long; the second, where the projected start diverged
 _BRIEF = 40  # most iterations with gaps where most of the first steps had to be shortened: other ways are left
@@ -111,9 +113,12 @@ def _attempts(problem: DiscreteProblem) -> Iterator[tuple[DiscreteProblem, Start
     yield _dearer(problem, [], "never"), given
     last = problem.beginning.final_time
     if last is not None:
-        longer = np.array(given.x)
-        longer[..., last] += (_LONGER - 1.0) * (longer[..., last] - system.time(0))
-        yield problem.related(problem.parts.rows, max_iterations=_MOST), Start(read_only(longer), given.u)
+        begins, lasts = system.time(0), given.x[..., last] - system.time(0)
+        shrunk = problem.parts.x[0, last] - begins < _SHRUNK * float(np.max(lasts))
+        for factor in _LONGER if shrunk else _LONGER[:1]:
+            longer = np.array(given.x)
+            longer[..., last] = begins + factor * lasts
+            yield problem.related(problem.parts.rows, max_iterations=_MOST), Start(read_only(longer), given.u)
     x, wanted = given.x, problem.parts.asked.wanted_states
     if x.ndim == 1:
         x = line_to(system, x, None if wanted is None else wanted[-1], problem.parts.rows)
