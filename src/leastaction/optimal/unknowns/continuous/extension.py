@@ -35,7 +35,7 @@ from leastaction.optimal.unknowns.extended import told_in_own_states
 from leastaction.optimal.unknowns.periodic import Periodic
 from leastaction.optimal.unknowns.unknown import Unknown
 
-_NO_TIME = 1e-3  # of the horizon that a search begins with: in less a motion is not looked for
+_NO_TIME = 1e-2  # of the horizon that a search begins with: in less a motion is not looked for
 
 
 class ContinuousExtension:
