@@ -85,10 +85,10 @@ class Model:
     def __str__(self) -> str:
         """Return a summary: the mechanism, and how much there is beside it."""
         m = self.mechanism
-        lines = [
-            f"{self.name or 'model'}: {m.nv} variables, {m.n_inputs} inputs, {m.nc} constraints, {len(self.limits)} "
-            f"limits, {len(self.shapes)} shapes"
-        ]
+        counts = {"variable": m.nv, "input": m.n_inputs, "constraint": m.nc}
+        counts |= {"limit": len(self.limits), "shape": len(self.shapes)}
+        told = (f"{count} {what}{'s' * (count != 1)}" for what, count in counts.items())
+        lines = [f"{self.name or 'model'}: {', '.join(told)}"]
         if self.keyframes:
             lines.append(f"keyframes: {', '.join(self.keyframes)}")
         lines += [f"left out: {each}" for each in self.left_out]

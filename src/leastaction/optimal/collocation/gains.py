@@ -78,6 +78,22 @@ class _PiecesAhead(NamedTuple):
         return _PiecesAhead(*(np.concatenate(parts)[order] for parts in zip(self, others, strict=True)))
 
 
+def _last_of(ahead: list[_PiecesAhead]) -> _PiecesAhead:
+    """Return the last pieces of all, and take them away: those that come at once.
+
+    All others stay where they are in memory: they are many, and large.
+    """
+    last = ahead.pop()
+    while len(last.end) < _AT_ONCE and ahead:
+        before, lacks = ahead.pop(), _AT_ONCE - len(last.end)
+        ahead += [before.some(slice(None, -lacks))] if len(before.end) > lacks else []
+        last = before.some(slice(-lacks, None)).beside(last)
+    if len(last.end) > _AT_ONCE:
+        ahead.append(last.some(slice(None, -_AT_ONCE)))
+        last = last.some(slice(-_AT_ONCE, None))
+    return last
+
+
 class _Backwards:
     """The way backwards through a linear-quadratic problem that is sampled on a mesh."""
 
@@ -90,11 +106,13 @@ class _Backwards:
     def gains(self) -> PiecewisePolynomial | None:
         """Return the gains; None where there is no minimum."""
         P = self.Q_final
-        ahead, found, made = self._pieces(self.mesh.breaks[:-1], self.mesh.breaks[1:]), [], 0
-        least, most = _SHORTEST * (ahead.end[-1] - ahead.begin[0]), _MOST + len(ahead.end)
-        while n := len(ahead.end):
-            pieces = ahead.some(slice(max(n - _AT_ONCE, 0), None))
-            may_halve = (pieces.end - pieces.begin > least) & (made + n < most)
+        ahead, found, made = [self._pieces(self.mesh.breaks[:-1], self.mesh.breaks[1:])], [], 0
+        n = len(ahead[0].end)
+        least, most = _SHORTEST * (ahead[0].end[-1] - ahead[0].begin[0]), _MOST + n
+        while n > 0:
+            pieces = _last_of(ahead)
+            n -= len(pieces.end)
+            may_halve = (pieces.end - pieces.begin > least) & (made + n + len(pieces.end) < most)
             known, escaped = self._costs_to_go(pieces, P)
             if escaped is None:
                 K, there, parts = self._laws(pieces, known)
@@ -109,22 +127,23 @@ class _Backwards:
             else:
                 return None
             made += len(pieces.end) - first
-            ahead = self._exchanged(ahead, n - len(parts), parts[:first])
+            if first > 0:
+                ahead.append(self._exchanged(pieces, parts[:first]))
+                n += len(ahead[-1].end)
         begins, values = (np.concatenate(parts[::-1]) for parts in zip(*found, strict=True))
         values = np.concatenate([values, np.zeros((*values.shape[:2], self.nu))], axis=2)
         return Mesh(np.append(begins, self.mesh.breaks[-1])).fit(values, (values.shape[2],))
 
-    def _exchanged(self, ahead: _PiecesAhead, start: int, parts: NDArray[np.intp]) -> _PiecesAhead:
-        """Return the pieces before the start, and those from there on in so many parts each, the shorter the later."""
-        coarse = start + np.flatnonzero(parts > 1)
-        kept = ahead.some(np.append(np.arange(start), start + np.flatnonzero(parts == 1)))
+    def _exchanged(self, pieces: _PiecesAhead, parts: NDArray[np.intp]) -> _PiecesAhead:
+        """Return the first pieces in so many parts each, the shorter the later."""
+        coarse, kept = np.flatnonzero(parts > 1), pieces.some(np.flatnonzero(parts == 1))
         if not len(coarse):
             return kept
         begins, ends = [], []
         for i in coarse.tolist():
-            share = np.append(1.0 - 0.5 ** np.arange(parts[i - start]), 1.0)
-            breaks = ahead.begin[i] + share * (ahead.end[i] - ahead.begin[i])
-            breaks[-1] = ahead.end[i]
+            share = np.append(1.0 - 0.5 ** np.arange(parts[i]), 1.0)
+            breaks = pieces.begin[i] + share * (pieces.end[i] - pieces.begin[i])
+            breaks[-1] = pieces.end[i]
             begins.append(breaks[:-1])
             ends.append(breaks[1:])
         return kept.beside(self._pieces(np.concatenate(begins), np.concatenate(ends)))
