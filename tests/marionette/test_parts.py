@@ -28,7 +28,6 @@ from leastaction_marionette.tracking import run as run_module
 from leastaction_marionette.tracking.parts import joined, parts_of
 from leastaction_marionette.tracking.plan import Curve, TrackingPlan
 from leastaction_marionette.tracking.problem import TrackingProblem
-from leastaction_marionette.tracking.tracker import Tracker
 
 PUPPET = marionette(strings=9)
 OPTIONS = {"planned": True, "checkpoint_seconds": 0.0}
@@ -116,21 +115,6 @@ def test_parts_that_are_followed_are_not_followed_again(tmp_path: Path) -> None:
     save_search(path, replace(search, result=replace(search.result, u=search.result.u[:, 1:])))
     with pytest.raises(ResultFileError, match="contradicts itself"):
         load_unfinished(path)
-
-
-@pytest.mark.usefixtures("three_parts")
-def test_limits_that_a_part_had_to_be_told_hold_for_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    follow, told = run_module._followed, []
-
-    def followed(part: Tracker) -> tuple[Tracker, OptimizationResult]:
-        part, result = follow(part)
-        told.append(part.kinds)
-        return replace(part, kinds=part.kinds | {"speed"}) if len(told) == 2 else part, result
-
-    monkeypatch.setattr(run_module, "_followed", followed)
-    run = track(PUPPET, walk_in_place(5.0, 0.02), **OPTIONS)
-    assert not any("speed" in kinds for kinds in told)
-    assert "speed" in run.kinds
 
 
 @pytest.mark.usefixtures("three_parts")

@@ -19,7 +19,7 @@ CASES: dict[str, tuple[Hanging, dict[str, Any]]] = {
     "hanging": (6, {"tolerance": 1e-9}),
     "planned by tensions": (6, {"planned": True, "tolerance": 1e-6}),
     "nine strings": (9, {"planned": True, "tolerance": 1e-6}),
-    "markers": (9, {"planned": True, "follow": "markers"}),
+    "markers": (9, {"planned": True, "follow": "markers", "tolerance": 1e-6}),
     "bars": ("cross+legs", {}),
     "one bar": ("cross", {}),
 }

@@ -33,7 +33,6 @@ from leastaction_marionette.tracking import (
     TrackingSearch,
     TrackingWeights,
     files,
-    limits,
     load_run,
     load_unfinished,
     motors,
@@ -42,7 +41,6 @@ from leastaction_marionette.tracking import (
     save_run,
     save_search,
     settle,
-    stage,
     track,
     tracker,
 )
@@ -233,7 +231,6 @@ def test_a_plan_by_tensions_is_a_motion_by_lengths(tmp_path: Path) -> None:
 
 
 def test_limits_of_the_upper_ends_are_kept_to() -> None:
-    """A limit that the motion would break is stated in a second optimisation."""
     limits = PuppetLimits(speed=0.8, tension=1.0)
     free = track(PUPPET, leap(), max_iterations=40, limits=PuppetLimits(speed=np.inf))
     run = track(PUPPET, leap(), max_iterations=40, limits=limits)
@@ -268,7 +265,6 @@ def test_a_hanging_puppet_keeps_to_what_strings_bear() -> None:
     free = track(PUPPET, small)
     assert not free.embedded
     run = track(PUPPET, small, limits=PuppetLimits(strength=0.98 * float(free.tension.max())))
-    assert run.kinds == {"tension", "joints"}
     assert run.result.success
     assert run.tension.max() <= run.limits.strength * (1.0 + 1e-6)
 
@@ -337,24 +333,6 @@ def test_a_motion_that_motors_cannot_make_begins_with_a_puppet_that_is_held_stil
     assert effort.optimisations == 1
 
 
-@pytest.mark.parametrize("lost", [True, False])
-def test_where_feedback_along_a_curve_is_lost_a_stage_begins_with_gaps(
-    lost: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(stage, "_LOST", 0.0 if lost else np.inf)
-    wanted = plan.TrackingPlan(TrackingProblem(PUPPET, walk_in_place(0.3, 0.02), FORCED, PuppetLimits()))
-    gaps = list[float]()
-
-    def told(record: IterationRecord) -> None:
-        gaps.append(record.gap)
-
-    initial = wanted.x_reference, wanted.u_reference
-    found = stage.optimize(wanted.system, wanted.cost(), initial=initial, max_iterations=60, callback=told)
-    assert (gaps[0] > 0.0) == lost
-    assert found.success
-    assert found.gap == 0.0
-
-
 def test_tensions_that_no_pose_has_are_said_to_be_too_large() -> None:
     """By their name, and not by the first step that fails."""
     with pytest.raises(ArgumentError, match=r"a pose at rest is found in which all of them pull\. Lower the least"):
@@ -382,7 +360,6 @@ def test_where_a_search_is_stuck_or_creeps_it_begins_with_a_puppet_that_is_held_
     assert any("held still" in each for each in said)
     assert np.ptp(begun[-1][0], axis=0).max() == 0.0
     assert run.result.success
-    assert run.kinds == frozenset(limits.KINDS)
     assert run.tension.min() >= 0.5 - 1e-6
 
 
@@ -649,17 +626,23 @@ def test_a_wrong_option_is_no_wild_motion() -> None:
     assert "hangs still" not in " ".join(said)
 
 
-def test_the_kinds_of_limits_are_kept(tmp_path: Path) -> None:
+def test_a_run_of_a_version_that_stated_fewer_limits_goes_on_with_all() -> None:
+    run = track(PUPPET, leap(0.2), max_iterations=2)
+    report = run.plan.limits
+    assert report is not None
+    fewer = replace(run.plan, limits=replace(report, sides=report.sides[:8]))
+    again = track(PUPPET, run.motion, resume=replace(run, plan=fewer))
+    assert again.result.success
+    assert again.plan.limits is not None
+    assert again.plan.limits.labels == report.labels
+
+
+def test_limits_are_kept(tmp_path: Path) -> None:
     run = track(PUPPET, leap(0.2), max_iterations=2, limits=PuppetLimits(speed=0.5))
-    assert {"tension", "joints"} <= run.kinds
     path = save_run(tmp_path / "run.npz", run)
-    assert load_run(path).kinds == run.kinds
     assert load_run(path).limits == PuppetLimits(speed=0.5)
     save_run(path, replace(run, limits=PuppetLimits(speed=np.inf)))
     assert load_run(path).limits == PuppetLimits(speed=np.inf)
-    save_run(path, replace(run, kinds=frozenset({"speed", "weather"})))
-    with pytest.raises(ResultFileError, match="kinds weather are none"):
-        load_run(path)
     save_record(path, replace(run, mechanism=marionette(strings=9)))
     with pytest.raises(ResultFileError, match=r"contradicts itself|is damaged"):
         load_run(path)

@@ -28,12 +28,11 @@ class Place(Frozen):
 class Start(Frozen):
     """What a run began with: ``x`` (N+1, nx) or an initial state (nx,), and ``u`` (N, nu).
 
-    ``is_lost``: whether x is a curve whose projection diverged. ``was_found``: whether it is that of an earlier result.
+    ``was_found``: whether it is that of an earlier result.
     """
 
     x: Array
     u: Array
-    is_lost: bool = False
     was_found: bool = False
 
 

@@ -132,14 +132,9 @@ _CLEARLY = 0.02  # of a limit, by which it is clearly broken
 
 
 def _broken(run: TrackingRun, limits: PuppetLimits) -> list[str]:
-    """Return the kinds of limits that a motion breaks which ended before they were stated, or on bars breaks clearly.
-
-    Of those that were stated the optimiser's message tells; but strings on bars are settled afterwards.
-    """
+    """Return the kinds of limits that a motion clearly breaks."""
     made = run.mechanism, run.trajectory.t, pelvis_of(run.mechanism, run.reference), run.result.x
-    kinds = limits.broken(*made) - run.kinds
-    if bars_of(run.mechanism):
-        kinds |= limits.loosened(_CLEARLY).broken(*made)
+    kinds = limits.loosened(_CLEARLY).broken(*made)
     if run.tension.min() < 0.0:
         kinds |= {"tension"}
     said = _KINDS | (_OF_BARS if bars_of(run.mechanism) else {})

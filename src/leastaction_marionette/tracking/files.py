@@ -12,7 +12,6 @@ from leastaction.io import check_result, load_record, save_record
 from leastaction.models.marionette import CONTROLS, axes_of, held_strings, marionette, set_of
 from leastaction.optimal import OptimizationResult
 from leastaction_marionette.tracking.found import TrackingRun, TrackingSearch
-from leastaction_marionette.tracking.limits import KINDS
 from leastaction_marionette.tracking.motors import PRICES
 from leastaction_marionette.tracking.problem import body_columns
 
@@ -101,8 +100,6 @@ def _check(found: TrackingRun | TrackingSearch) -> None:
     own = marionette(strings=set_of(m), axes=axes_of(m))
     if (m.coordinates, m.constraints, set(m.parameters)) != (own.coordinates, own.constraints, set(own.parameters)):
         raise LeastActionError("its mechanism is no marionette")
-    if unknown := sorted(found.kinds - set(KINDS)):
-        raise LeastActionError(f"limits of the kinds {', '.join(unknown)} are none; the kinds are {', '.join(KINDS)}")
     # By tensions: no lengths among the variables. Inputs are tensions, motors, and places of the upper ends.
     moved, body = m.nrho - len(held_strings(m)), m.first_rho + m.nd
     planned = (body + 2 * moved, m.nc + moved)

@@ -86,8 +86,6 @@ class TrackingRun:
         The optimiser's own, by tensions, of which `result` says the same, or of a run that was cut short a motion near
         it in which strings pull. Its states are ``[q; rho; p; v_rho]``, its inputs the tensions and the next places of
         the upper ends.
-    kinds : frozenset of str
-        The kinds of limits that were stated, of those that `PuppetLimits` has; the motion keeps to the others anyway.
     follow : {"joints", "markers"}
         What of the motion was followed.
     effort : Effort
@@ -104,7 +102,6 @@ class TrackingRun:
     embedded: bool
     result: OptimizationResult = field(repr=False)
     plan: OptimizationResult = field(repr=False)
-    kinds: frozenset[str] = frozenset()
     follow: Follow = "joints"
     effort: Effort = field(default_factory=Effort)
     limits: PuppetLimits = field(default_factory=PuppetLimits, repr=False)
@@ -216,8 +213,6 @@ class TrackingSearch:
         What it took so far.
     firmness : float or None
         Of strings on bars that are being tied: the weight of their lengths; None before that.
-    kinds : frozenset of str
-        Of the limits that were stated then.
     parts : bool
         Whether a long motion is followed part by part: `result` has those so far, joined, and says how the last ended.
     provenance : Provenance
@@ -230,6 +225,5 @@ class TrackingSearch:
     follow: Follow = "joints"
     effort: Effort = field(default_factory=Effort)
     firmness: float | None = None
-    kinds: frozenset[str] = frozenset()
     parts: bool = False
     provenance: Provenance = field(default_factory=Provenance.now, metadata=_NOT_RECORDED)

@@ -18,10 +18,7 @@ from leastaction.optimal import Bound, Limit, PricedLimit, PricedLimits, Quadrat
 from leastaction.systems import MidpointSystem
 
 KINDS: Final = ("tension", "joints", "speed", "acceleration", "reach")
-"""The kinds of limits, of which those are stated that a motion would break."""
-
-FIRST_KINDS: Final = frozenset({"tension", "joints"})
-"""Those of any plan."""
+"""The kinds of limits."""
 
 _TOLERANCE: Final = 1e-6
 
@@ -83,7 +80,7 @@ class PuppetLimits:
                 raise ArgumentError(f"limits: {name} is to stay between {least} and {most}, expected the least first")
 
     def of(
-        self, mechanism: Mechanism, pelvis: Array, kinds: Collection[str], *, free_start: bool | None = None
+        self, mechanism: Mechanism, pelvis: Array, kinds: Collection[str] = KINDS, *, free_start: bool | None = None
     ) -> list[Limit]:
         """Return limits of a marionette, by lengths or by tensions.
 

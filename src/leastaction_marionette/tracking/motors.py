@@ -6,7 +6,7 @@ taken away: the gaps that this leaves between the steps are for the optimiser to
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, Final
 
 import numpy as np
@@ -16,7 +16,7 @@ from leastaction.numerics import Array, smooth_rise
 from leastaction.optimal import Cost, OptimizationResult, Status
 from leastaction.systems import PulledSystem
 from leastaction_marionette.tracking.found import Effort
-from leastaction_marionette.tracking.limits import FIRST_KINDS
+from leastaction_marionette.tracking.limits import KINDS
 from leastaction_marionette.tracking.plan import Curve, TrackingPlan
 from leastaction_marionette.tracking.poses import at_rest
 from leastaction_marionette.tracking.stage import optimize
@@ -27,6 +27,7 @@ PRICES: Final = (1e-3, 1e-2, 1e-1, 1.0)
 
 _ITERATIONS, _LAST_ITERATIONS = 12, 80  # at each price, and without motors
 _SET_OUT = 5  # steps within which a motion that begins fast is picked up from rest
+_KINDS: Final = ("tension", "joints")  # of limits that are stated while motors help
 _INSIDE = 0.1  # of the mean tension at rest, by which tensions are above their least to begin with
 # Tolerance of the search: where barriers stay high, each stage leaves room for the next. Without motors it is that of a
 # motion which is hardly improved with shorter steps of time.
@@ -54,12 +55,14 @@ def search(
     """
     motors = range(len(plan.strings), len(plan.strings) + plan.mechanism.nd)
 
-    def solved(system: PulledSystem, cost: Cost, start: Curve, kinds: frozenset[str], **how: Any) -> OptimizationResult:
+    def solved(
+        system: PulledSystem, cost: Cost, start: Curve, kinds: Collection[str] = KINDS, **how: Any
+    ) -> OptimizationResult:
         found = optimize(
             system,
             cost,
             initial=start,
-            limits=plan.limits.of(plan.mechanism, plan.problem.pelvis, kinds),
+            limits=plan.stated(kinds),
             free_start=plan.mechanism.coordinates,
             **how,
         )
@@ -76,19 +79,18 @@ def search(
             # Duals of an earlier stage are those of cheaper motors: each stage finds its own.
             start = driven(plan) if result is None else (result.x, result.u)
             cost = plan.cost(motor=price)
-            result = solved(plan.by_motors, cost, start, FIRST_KINDS, tolerance=_ROUGHLY, max_iterations=_ITERATIONS)
+            result = solved(plan.by_motors, cost, start, _KINDS, tolerance=_ROUGHLY, max_iterations=_ITERATIONS)
             effort = effort.plus(result, scale=None)
             keep(number + 1, result, effort, False)
             most = float(np.max(np.sqrt(np.mean(result.u[:, motors] ** 2, axis=0))))
             say(f"motors at price {price:g}: the strongest gives {most:.2g} N or N m (rms)")
         assert result is not None
-        # Without motors the motion would break the limits that they lead beyond by far: they are stated at once.
-        start, kinds = (result.x, np.delete(result.u, motors, axis=1)), FIRST_KINDS | plan.broken(result.x)
+        start = result.x, np.delete(result.u, motors, axis=1)
     except ProjectionError:
         say("motors lead to no motion: it begins with a puppet that is held still")
-        start, kinds = at_rest(plan), FIRST_KINDS
+        start = at_rest(plan)
     number = len(PRICES)
-    found = solved(plan.system, plan.cost(), start, kinds, tolerance=_WITHOUT_MOTORS, max_iterations=_LAST_ITERATIONS)
+    found = solved(plan.system, plan.cost(), start, tolerance=_WITHOUT_MOTORS, max_iterations=_LAST_ITERATIONS)
     say(f"without motors: cost {found.cost:.4g}")
     return found.x, found.u, effort.plus(found, scale=scale)
 

@@ -23,7 +23,6 @@ from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.numerics import Array, smooth_rise
 from leastaction.optimal import OptimizationResult
 from leastaction_marionette.tracking.found import CUT_SHORT, Effort, TrackingSearch
-from leastaction_marionette.tracking.limits import FIRST_KINDS
 from leastaction_marionette.tracking.plan import Curve
 from leastaction_marionette.tracking.tracker import Checkpoints, Tracker
 from leastaction_marionette.turns import unit
@@ -71,7 +70,6 @@ def found_in_parts(tracker: Tracker, follow: Follow, begun: TrackingSearch | Non
             kept=Checkpoints(None, np.inf),
             left=_ITERATIONS,
             effort=Effort(),
-            kinds=FIRST_KINDS,
         )
         try:
             part, result = follow(part.planned())
@@ -86,7 +84,7 @@ def found_in_parts(tracker: Tracker, follow: Follow, begun: TrackingSearch | Non
             optimisations=before.optimisations + after.optimisations,
             iterations=before.iterations + after.iterations,
         )
-        tracker = replace(tracker, effort=effort, kinds=tracker.kinds | part.kinds)
+        tracker = replace(tracker, effort=effort)
         x, u = (result.x, result.u) if found is None else joined(found, (result.x, result.u), start)
         found = unit(tracker.plan.mechanism.coordinates, x), u
         none = np.zeros((len(u), u.shape[1], tracker.plan.system.ndx))
@@ -94,8 +92,7 @@ def found_in_parts(tracker: Tracker, follow: Follow, begun: TrackingSearch | Non
         tracker.kept(partial(replace, tracker.as_search(done, counted=True), parts=True), at_once=True)
     assert found is not None
     tracker.say("the parts are joined")
-    kinds = tracker.kinds | FIRST_KINDS | tracker.plan.broken(found[0])
-    return replace(tracker, start=found, shooting="multiple", kinds=kinds)
+    return replace(tracker, start=found, shooting="multiple")
 
 
 def joined(before: Curve, after: Curve, start: int) -> Curve:

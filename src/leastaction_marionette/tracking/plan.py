@@ -8,7 +8,7 @@ that of the puppet on strings of prescribed lengths, and `by_lengths` says it so
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
@@ -29,9 +29,10 @@ from leastaction.models.marionette import (
     tied_strings,
 )
 from leastaction.numerics import Array
-from leastaction.optimal import Cost, OptimizationResult, Status, linearize_along_curve, regulate
+from leastaction.optimal import Cost, Limit, LimitReport, OptimizationResult, Status, linearize_along_curve, regulate
 from leastaction.systems import PulledSystem
 from leastaction_marionette.tracking.cost import TrackingCost
+from leastaction_marionette.tracking.limits import KINDS
 from leastaction_marionette.tracking.problem import TrackingProblem
 from leastaction_marionette.tracking.ties import Ties
 from leastaction_marionette.turns import rates_along, unit
@@ -108,9 +109,14 @@ class TrackingPlan:
             return
         yield from (K, 0.3 * K)
 
-    def broken(self, x: Array) -> frozenset[str]:
-        """Return the kinds of limits that states break, besides that of the tensions."""
-        return self.limits.broken(self.mechanism, self.t, self.problem.pelvis, x)
+    def stated(self, kinds: Collection[str] = KINDS) -> list[Limit]:
+        """Return the limits of its system, of some kinds."""
+        return self.limits.of(self.mechanism, self.problem.pelvis, kinds)
+
+    def stated_in(self, report: LimitReport | None) -> bool:
+        """Whether a report is of these limits: not of some, as in older runs, nor of a puppet that is held still."""
+        sides = sum(len(limit.rows(self.system, 0)) for limit in self.stated())
+        return report is not None and len(report.sides) == sides
 
     def states(self, q: Array) -> Array:
         """Return the states (N+1, nx) of a motion q (N+1, nq), whose momenta are those of its slope."""

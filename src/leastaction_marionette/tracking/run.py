@@ -30,7 +30,7 @@ from leastaction.optimal import Callback, Method, OptimizationResult
 from leastaction_marionette.choices import Follow
 from leastaction_marionette.tracking import tying
 from leastaction_marionette.tracking.found import CUT_SHORT, Effort, TrackingRun, TrackingSearch
-from leastaction_marionette.tracking.limits import FIRST_KINDS, KINDS, PuppetLimits
+from leastaction_marionette.tracking.limits import PuppetLimits
 from leastaction_marionette.tracking.motors import search
 from leastaction_marionette.tracking.parts import found_in_parts
 from leastaction_marionette.tracking.plan import Curve, TrackingPlan
@@ -139,14 +139,14 @@ def track(
 def _gone_on(tracker: Tracker, found: TrackingRun | TrackingSearch) -> TrackingRun:
     """Return what is found from where an earlier run was, or a search."""
     hangs = isinstance(found, TrackingRun) and not found.embedded
-    tracker = replace(tracker, kinds=found.kinds, effort=found.effort).planned(hangs=hangs)
+    tracker = replace(tracker, effort=found.effort).planned(hangs=hangs)
     tracker = replace(tracker, restarts=hangs or isinstance(found, TrackingSearch))
     if isinstance(found, TrackingSearch):
         if found.firmness is None:
             return _sought(tracker, found)
         return tying.gone_on(replace(tracker, earlier=found.result), found)
-    held = found.plan.limits is None  # a puppet that is held still: no search has known any
-    tracker = replace(tracker, start=found.plan if held else None, earlier=None if held else found.plan)
+    goes_on = tracker.plan.stated_in(found.plan.limits)
+    tracker = replace(tracker, start=None if goes_on else found.plan, earlier=found.plan if goes_on else None)
     if hangs:
         return _from_hanging(tracker, PATIENCE - found.plan.iterations)
     if tracker.ties is not None:
@@ -174,7 +174,7 @@ def _from_hanging(tracker: Tracker, patience: int) -> TrackingRun:
     if result.success or result.status in CUT_SHORT or left < 1:
         return ended.ended(result)
     tracker.say("a hanging puppet finds no way: a first trajectory is sought with motors")
-    return _sought(replace(tracker, left=left, start=None, earlier=None, kinds=FIRST_KINDS, effort=ended.effort))
+    return _sought(replace(tracker, left=left, start=None, earlier=None, effort=ended.effort))
 
 
 def _sought(tracker: Tracker, begun: TrackingSearch | None = None) -> TrackingRun:
@@ -213,9 +213,8 @@ def _with_motors(tracker: Tracker, *, begun: TrackingSearch | None = None) -> Tr
     if tracker.ties is not None:
         if coarse.slow is not None:  # what is still to be tied is not worth short steps
             tracker.say(f"strings on bars are tied with steps of {coarse.plan.dt:.3g} s at first")
-        # What leads to strings that are tied had better lead to where they can be.
-        return replace(coarse, start=(x, u), effort=effort, kinds=frozenset(KINDS))
+        return replace(coarse, start=(x, u), effort=effort)
     start = x, u
     if coarse.slow is not None:
         start = plan.inside(*plan.finer(coarse.plan, x, u), coarse.plan.cost().value(x, u) * coarse.scale)
-    return replace(tracker, effort=effort, start=start, kinds=FIRST_KINDS | plan.broken(start[0]))
+    return replace(tracker, effort=effort, start=start)

@@ -16,7 +16,7 @@ from leastaction.optimal import Callback, IterationRecord, Method, OptimizationR
 from leastaction_marionette.choices import Follow
 from leastaction_marionette.markers import with_places
 from leastaction_marionette.tracking.found import CUT_SHORT, STUCK, Effort, TrackingRun, TrackingSearch
-from leastaction_marionette.tracking.limits import FIRST_KINDS, KINDS, PuppetLimits
+from leastaction_marionette.tracking.limits import PuppetLimits
 from leastaction_marionette.tracking.pace import Pace
 from leastaction_marionette.tracking.plan import Curve, TrackingPlan
 from leastaction_marionette.tracking.poses import at_rest
@@ -95,7 +95,6 @@ class Tracker:
     start: Curve | OptimizationResult | None = None
     shooting: Shooting = "auto"
     earlier: OptimizationResult | None = None
-    kinds: frozenset[str] = FIRST_KINDS  # of limits that are stated
     restarts: bool = True  # whether it begins with a puppet that is held still where it is stuck or creeps, on no bars
 
     @property
@@ -163,7 +162,6 @@ class Tracker:
             follow=self.follow,
             effort=self.effort if counted else self.effort.plus(found, before=self.earlier),
             firmness=None if stage or self.ties is None else self.ties.weight,
-            kinds=self.kinds,
         )
 
     def run_of(
@@ -178,7 +176,6 @@ class Tracker:
             embedded=not self.hangs,
             result=by_lengths(self.plan, pulling or found),
             plan=found,
-            kinds=self.kinds,
             limits=self.limits,
             follow=self.follow,
             effort=self.effort if counted else self.effort.plus(found, before=self.earlier),
@@ -196,7 +193,7 @@ class Tracker:
 
 
 def improved(tracker: Tracker) -> tuple[Tracker, OptimizationResult]:
-    """Optimise until nothing more is gained: from inside of limits where it is stuck, with limits that it breaks.
+    """Optimise until nothing more is gained: from inside of limits where it is stuck, and from a puppet held still.
 
     Raises `ProjectionError`: nothing can be followed from where it stands.
     """
@@ -225,11 +222,7 @@ def improved(tracker: Tracker) -> tuple[Tracker, OptimizationResult]:
         stuck = result.status in (*STUCK, Status.ITERATION_LIMIT)
         if stuck and tracker.left > 0 and tracker.may_restart:
             return _from_rest(tracker, result)
-        more = tracker.plan.broken(result.x) - tracker.kinds
-        if not more or tracker.left < 1 or result.status in CUT_SHORT:
-            return tracker, result
-        tracker.say(f"it breaks limits of {', '.join(sorted(more))}: goes on with these stated")
-        tracker = replace(tracker, kinds=tracker.kinds | more, start=result, earlier=None)
+        return tracker, result
 
 
 def _from_rest(tracker: Tracker, result: OptimizationResult) -> tuple[Tracker, OptimizationResult]:
@@ -239,7 +232,7 @@ def _from_rest(tracker: Tracker, result: OptimizationResult) -> tuple[Tracker, O
     """
     tracker.say(_STILL)
     try:
-        begun = replace(tracker, start=at_rest(tracker.plan), earlier=None, kinds=frozenset(KINDS), restarts=False)
+        begun = replace(tracker, start=at_rest(tracker.plan), earlier=None, restarts=False)
         other, other_result = improved(begun)
     except (ArgumentError, ProjectionError):
         return tracker, result
@@ -288,7 +281,7 @@ def _optimised(tracker: Tracker) -> OptimizationResult:
         plan.cost(),
         initial=tracker.start,
         resume=tracker.earlier,
-        limits=plan.limits.of(plan.mechanism, plan.problem.pelvis, tracker.kinds),
+        limits=plan.stated(),
         free_start=plan.mechanism.coordinates,
         shooting=tracker.shooting,
         method=tracker.method,

@@ -19,7 +19,6 @@ from leastaction.mechanics import Mechanism
 from leastaction.models.marionette import bars_of, held_strings
 from leastaction.optimal import OptimizationResult, Status
 from leastaction_marionette.tracking.found import CUT_SHORT, STUCK, TrackingRun, TrackingSearch
-from leastaction_marionette.tracking.limits import KINDS
 from leastaction_marionette.tracking.poses import held_still
 from leastaction_marionette.tracking.stage import optimize
 from leastaction_marionette.tracking.ties import FIRM, Ties
@@ -146,7 +145,7 @@ def held(tracker: Tracker, near: OptimizationResult | None) -> Found:
     if near is None or len(near.u) != plan.system.N:  # its first pose for all time, which its strings do not hold
         near = optimize(plan.system, plan.cost(), initial=plan.hanging(), shooting="multiple", max_iterations=0)
     still = held_still(plan, near)
-    tracker = replace(with_lengths_of(tracker, still), kinds=frozenset(KINDS))
+    tracker = with_lengths_of(tracker, still)
     return tracker, replace(still, cost=tracker.plan.cost().value(still.x, still.u))
 
 

@@ -98,10 +98,7 @@ class Beginning:
         if self.gapped != "at once":
             try:
                 self.parts.stand_at(x, u)
-                if not (self.gapped == "where left" and self._has_left(x)):
-                    lost = x.ndim == 2 and self.parts.here.value > _LOST * self.parts.plain.cost.value(x, u)
-                    if lost:
-                        self.remember(given=changed(given, is_lost=True))
+                if not (self._is_lost(x, u) or (self.gapped == "where left" and self._has_left(x))):
                     return
             except ProjectionError as error:
                 failure = error
@@ -114,6 +111,12 @@ class Beginning:
             self.parts.stand_at(x, u)
         elif failure is not None:
             self.note = f"begins with gaps between its steps, as a projection is not possible ({failure})"
+        elif self.gapped == "where needed":
+            self.note = "begins with gaps between its steps, as its projection is lost"
+
+    def _is_lost(self, x: Array, u: Array) -> bool:
+        """Whether the projection of a curve costs many times as much as the curve."""
+        return x.ndim == 2 and self.parts.here.value > _LOST * self.parts.plain.cost.value(x, u)
 
     def _has_left(self, x: Array) -> bool:
         """Whether the projection of a start has left the curve that it is."""

@@ -34,7 +34,7 @@ _MOST = 300  # iterations that each attempt for unmet limits may take
 # that has shrunk to less than a part of the given one, else the first.
 _LONGER, _SHRUNK = (10.0, 100.0, 1000.0), 0.1
 _DEARER = 20.0  # price of violating a limit at a single instant in these attempts, over that before
-_LONG, _LONG_IF_LOST = 200, 100  # iterations after which a run is long; the second, where the projected start diverged
+_LONG = 200  # iterations after which a run is long
 _BRIEF = 40  # most iterations with gaps where most of the first steps had to be shortened: other ways are left
 
 
@@ -45,11 +45,15 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
     if _is_unmet(run, outcome):
         return True
     if outcome is not None:
-        return outcome.status in STUCK and _are_preferred(problem)
+        begun = problem.beginning
+        within_limits = problem.parts.barrier is not None and begun.final_time is None
+        return outcome.status in STUCK and within_limits and begun.begun.given is not None
     # Steps that barriers shorten are no sign of a violent motion.
     if run.history.iterations == FIRST_STEPS:
         return run.began_with_short_steps and problem.parts.barrier is None
-    return run.history.iterations == _long_run(problem) and not (run.began_again or run.creeps)
+    if run.history.iterations != _LONG or problem.parts.barrier is not None or problem.beginning.begun.given is None:
+        return False
+    return not (problem.parts.here.is_open or problem.parts.ease != 1.0 or run.began_again or run.creeps)
 
 
 def _is_unmet(run: Run, outcome: Outcome | None) -> bool:
@@ -63,31 +67,12 @@ def _is_unmet(run: Run, outcome: Outcome | None) -> bool:
     return problem.stages.violates_limits and problem.beginning.begun.curve is not None
 
 
-def _are_preferred(problem: DiscreteProblem) -> bool:
-    """Whether gaps come before an easier cost: within limits, and where the projection of the start diverged."""
-    given = problem.beginning.begun.given
-    if problem.parts.barrier is not None:
-        return given is not None and problem.beginning.final_time is None
-    return given is not None and given.is_lost
-
-
-def _long_run(problem: DiscreteProblem) -> int | None:
-    """Return the number of iterations after which gaps are tried; None where they are not."""
-    given = problem.beginning.begun.given
-    if given is None or problem.parts.here.is_open or problem.parts.ease != 1.0:
-        return None
-    if given.is_lost:
-        return _LONG_IF_LOST
-    return _LONG if problem.parts.barrier is None else None
-
-
 def _begin(run: Run, outcome: Outcome | None) -> bool:
     problem = run.problem
     assert isinstance(problem, DiscreteProblem)
     if _is_unmet(run, outcome):
         return _meet_limits(run, problem)
-    given = problem.beginning.begun.given
-    brief = run.began_with_short_steps and problem.parts.barrier is None and given is not None and not given.is_lost
+    brief = run.began_with_short_steps and problem.parts.barrier is None
     if not problem.beginning.begin_with_gaps(_BRIEF if brief else None):
         return False
     run.set_out(NewtonSchedule(), "began again, with gaps between the steps")
@@ -138,4 +123,4 @@ def _dearer(problem: DiscreteProblem, more: list[Rows], gapped: Gapped) -> Discr
     return problem.related([*parts.rows, *more], gapped=gapped, dearer=dearer, max_iterations=_MOST)
 
 
-GAPS = Way("gaps", _applies, _begin, ahead=(FIRST_STEPS, _LONG_IF_LOST, _LONG))
+GAPS = Way("gaps", _applies, _begin, ahead=(FIRST_STEPS, _LONG))
