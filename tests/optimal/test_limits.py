@@ -443,6 +443,13 @@ def test_values_belong_to_the_names_in_the_order_given(cart: MidpointSystem, cos
     assert rows.labels == ("theta <= 1", "x <= 2")
 
 
+def test_bounds_over_time_are_told_by_their_ends(cart: MidpointSystem) -> None:
+    """One that differs by rounding, as of steps of time, is one number: it was told as 140 .. 140."""
+    for most, told in ((np.linspace(2.0, 3.0, cart.N), "x <= 2 .. 3"), (140.0 + 1e-12 * np.arange(cart.N), "x <= 140")):
+        (rows,) = Bound("x", max=most).rows(cart, 1)
+        assert rows.labels == (told,)
+
+
 def test_what_holds_all_along_is_named_among_what_stands_against() -> None:
     """Its duals are small at each instant: ends at rest were named, and not the rate that lets nobody get there."""
 

@@ -17,6 +17,7 @@ from leastaction.numerics.arrays import Array, read_only
 from leastaction.optimal.quantity import Entries, Instants, Quantity, Samples, as_slice
 
 _OFF = 1e-6  # of what is large for it a limit may be off at a fixed initial state
+_ROUNDING = 1e-9  # part of a bound over time by which it may differ and be told as one number
 
 
 class Weights:
@@ -93,9 +94,10 @@ class Rows:
         least, most = bounds.min(axis=0), bounds.max(axis=0)
         unit = f" {self.quantity.unit}" if self.quantity.unit else ""
         kind = f"{self.quantity.kind} " if self.quantity.kind else ""
+        same = np.abs(most - least) <= _ROUNDING * np.abs(most)  # of times that are no round numbers
         return tuple(
-            f"{kind}{name} {relation} {a:.6g}{unit}" if a == b else f"{kind}{name} {relation} {a:.4g} .. {b:.4g}{unit}"
-            for name, a, b in zip(self.quantity.names, least, most, strict=True)
+            f"{kind}{name} {relation} {a:.6g}{unit}" if once else f"{kind}{name} {relation} {a:.4g} .. {b:.4g}{unit}"
+            for name, a, b, once in zip(self.quantity.names, least, most, same.tolist(), strict=True)
         )
 
     def values(self, x: Array, u: Array) -> Array:
