@@ -22,6 +22,7 @@ from leastaction.optimal import (
 from leastaction.systems import (
     ContinuousOrientationCost,
     ContinuousPlaceCost,
+    DistanceCost,
     OrientationCost,
     PlaceCost,
     SmoothCost,
@@ -32,7 +33,8 @@ __all__ = [  # noqa: RUF022 - by topics
     # In both kinds of time
     "tracking",
     # In discrete time
-    "CostSum", "FunctionCost", "GaussNewton", "OrientationCost", "PlaceCost", "QuadraticCost", "RateCost", "SmoothCost",
+    "CostSum", "DistanceCost", "FunctionCost", "GaussNewton", "OrientationCost", "PlaceCost", "QuadraticCost",
+    "RateCost", "SmoothCost",
     # In continuous time
     "ContinuousCostSum", "ContinuousFunctionCost", "ContinuousGaussNewton", "ContinuousOrientationCost",
     "ContinuousPlaceCost", "ContinuousQuadraticCost",

@@ -302,6 +302,7 @@ def optimal_calls(c: Case, folder: Path) -> dict[str, Callable[[], Any]]:
         "RateCost": lambda: la.optimize(system, costs.RateCost(price, system, {"*": 1e-3}), initial=guess, **few),
         "SmoothCost": lambda: costs.SmoothCost(price, system, {"*": 1e-3}).value(run.x, run.u),
         "PlaceCost": lambda: costs.PlaceCost(price, system, {frame: [0.0, 0.0, 0.0]}, {frame: 1.0}).value(run.x, run.u),
+        "DistanceCost": lambda: costs.DistanceCost(price, system, [(frame, "world")], [1.0]).value(run.x, run.u),
         "OrientationCost": lambda: costs.OrientationCost(price, system, {frame: np.eye(3)}, {frame: 1.0}).value(
             run.x, run.u
         ),

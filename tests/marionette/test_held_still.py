@@ -69,7 +69,7 @@ def test_on_one_bar_it_begins_with_a_puppet_that_is_held_still(monkeypatch: pyte
     assert run.result.success
     assert said[0] == "all strings are tied to one bar: it begins with a puppet that is held still"
     assert not any("motors" in line for line in said)
-    assert weights[:2] == [(25, FIRM[0]), (50, FIRM[0])]
+    assert weights[:2] == [(25, FIRM), (50, FIRM)]
 
 
 @pytest.mark.parametrize("longer", [False, True])
@@ -176,7 +176,7 @@ def test_a_search_on_one_bar_that_is_ended_far_from_any_motion_goes_on_there(
         track(puppet, motion, callback=ended, checkpoint=kept.append, checkpoint_seconds=1e9)
     search = kept[-1]
     assert isinstance(search, TrackingSearch)
-    assert search.firmness == FIRM[0]
+    assert search.firmness == FIRM
     assert len(search.result.u) == (50 if own_steps else 25)
     monkeypatch.setattr(settle, "settled", settled)
     again = track(search.mechanism, search.motion, resume=search)
@@ -228,8 +228,8 @@ def test_where_nothing_near_a_motion_on_bars_keeps_lengths_it_begins_with_a_pupp
 
 
 def test_optimisations_on_bars_that_lead_on_end_where_they_creep(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is to be tied most firmly does not, nor what is on no bars: their optimisations are the last."""
-    paces, weights = list[float](), list[float]()
+    """What is tied firmly with its own steps does not, nor what is on no bars: their optimisations are the last."""
+    paces, tied = list[float](), list[tuple[float, bool]]()
 
     class Paced(Pace):
         def __init__(self, *, hardly: float = 0.0, earlier: OptimizationResult | None = None) -> None:
@@ -239,18 +239,18 @@ def test_optimisations_on_bars_that_lead_on_end_where_they_creep(monkeypatch: py
     whole = tracker._optimised
 
     def optimised(it: Tracker) -> OptimizationResult:
-        weights.append(np.inf if it.ties is None else it.ties.weight)
+        tied.append((np.inf if it.ties is None else it.ties.weight, it.slow is not None))
         return whole(it)
 
     monkeypatch.setattr(tracker, "_optimised", optimised)
     monkeypatch.setattr(tracker, "Pace", Paced)
-    monkeypatch.setattr(tying, "_SETTLED", 0.0)
-    motion = walk_in_place(0.5, 0.02)
+    monkeypatch.setattr(tracker, "_FEW", 10)
+    motion = walk_in_place(0.5, 0.01)
     track(marionette(strings="cross+legs"), motion)
     track(marionette(strings=7), motion, planned=True)
-    assert {LEAST_WEIGHT, *FIRM, np.inf} <= set(weights)
-    for pace, weight in zip(paces, weights, strict=True):
-        assert pace == (0.002 if weight < FIRM[0] else 0.005 if weight < FIRM[-1] else 0.0)
+    assert {(LEAST_WEIGHT, True), (FIRM, True), (FIRM, False), (np.inf, False)} <= set(tied)
+    for pace, (weight, slow) in zip(paces, tied, strict=True):
+        assert pace == (0.002 if weight < FIRM else 0.005 if slow else 0.0)
 
 
 def test_which_controls_are_one_bar_for_all_strings() -> None:

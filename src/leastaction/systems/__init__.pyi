@@ -1,6 +1,7 @@
 from leastaction.systems.checks import check_derivatives
 from leastaction.systems.continuous import MechanismSystem
 from leastaction.systems.costs.configurations import CostOfConfigurations
+from leastaction.systems.costs.distances import DistanceCost
 from leastaction.systems.costs.frames import ContinuousOrientationCost, ContinuousPlaceCost
 from leastaction.systems.costs.orientations import OrientationCost
 from leastaction.systems.costs.places import PlaceCost
@@ -21,7 +22,7 @@ from leastaction.systems.warm_starts import warm_start
 
 __all__ = [
     "Ball", "Box", "ContinuousOrientationCost", "ContinuousPlaceCost", "CostOfAccelerations", "CostOfConfigurations",
-    "Followed", "HalfSpace", "Keep", "MechanismSystem", "MidpointSystem", "OrientationCost", "Oriented",
+    "DistanceCost", "Followed", "HalfSpace", "Keep", "MechanismSystem", "MidpointSystem", "OrientationCost", "Oriented",
     "PathBound", "PlaceCost", "Played", "Pointing", "PulledSystem", "Region", "Rig", "SmoothCost", "by_tensions",
     "check_derivatives", "embed", "follow", "relax", "tracking", "warm_start",
 ]  # fmt: skip

@@ -1,47 +1,37 @@
 """A motion by tensions as one of the puppet on strings of prescribed lengths.
 
 Where hands hold all strings it is the same motion. Strings on bars are rods whose lengths are exact, and what was
-planned misses them by newtons at most. A motion near it is sought in which nothing is off: what limits are broken by
-has a price, which rises, while what has changed already costs nothing more. It is sought by multiple shooting: where
-strings have lost their grip a roll-out of rods that begins at the start throws limbs about.
+planned misses them by newtons at most. A motion near it is sought, by tensions and within all limits, on which nothing
+is off, by the method of multipliers (M. J. D. Powell, A method for nonlinear constraints in minimization problems,
+1969): by what a length is off after a round, another is wanted in the next. Where that leads on slowly, as a limb hangs
+straight below its string and moves its end by hardly anything, it is made dearer. What is left by then is rounding, and
+goes on rods by multiple shooting: where strings have little grip a roll-out of rods that begins at the start throws
+limbs about.
 """
 
 from __future__ import annotations
 
-import math
+from contextlib import suppress
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from leastaction.errors import ArgumentError, LeastActionError
-from leastaction.models.marionette import string_lengths, strings_of
+from leastaction.models.marionette import string_lengths
 from leastaction.numerics import Array
-from leastaction.optimal import (
-    Bound,
-    IterationRecord,
-    Method,
-    OptimizationResult,
-    PricedLimit,
-    PricedLimits,
-    QuadraticCost,
-    Status,
-    regulate,
-)
-from leastaction_marionette.tracking.limits import KINDS, PuppetLimits
+from leastaction.optimal import OptimizationResult, Optimizer, QuadraticCost, Status, regulate
+from leastaction.systems import DistanceCost, MidpointSystem
+from leastaction_marionette.tracking.limits import KINDS
 from leastaction_marionette.tracking.plan import Curve, TrackingPlan
-from leastaction_marionette.tracking.problem import TrackingProblem
-from leastaction_marionette.tracking.stage import optimize
 
 _BY_TENSION, _BY_POSE, _BY_PLACE, _BY_MOMENTUM = 1e-4, 1.0, 1.0, 1e-3  # prices of changes
-# Of what limits are broken by, at first: by 1 N, rad or m, m/s or rad/s, and so on.
-_PRICES: Final = {"tension": 1e-3, "joints": 10.0, "speed": 1e-2, "acceleration": 1e-5, "reach": 10.0}
-# Each round asks for as many times the price of the last; less where that is too much at once, in the end hardly more.
-_DEARER, _HARDLY, _DEAREST, _ROUNDS = 10.0, 1.1, 1e5, 20
-_WITHIN, _MARGIN = 1e-4, 1e-3  # of limits, and N of tensions at most, by which they are kept more than they have to be
-_ITERATIONS, _CONVEX = 25, 12  # of a round, at most, and of one with convex models
-_EASY = 7  # iterations of a round after which more can be asked for at once
-_GAP: Final = 1e-7  # m, rad and so on
+_ROUNDS, _ITERATIONS = 8, 40  # rounds, and iterations of one, at most
+_TOLERANCE = 1e-2  # of a round
+_SLOW, _DEARER = 0.03, 100.0  # part of what a length was off by that makes it dearer, and by which factor
+_WEIGHT, _DEAREST = 1e6, 1e12  # weight of a length that is off (1/m^2), at first and at most: more is all rounding
+_EXACT: Final = 1e-6  # m, by which lengths may be off before they are those of rods
+_WITHIN, _MARGIN = 5e-4, 1e-2  # parts of limits, and N of tensions at most, by which these are kept more than asked
 _SAME = 1e-6  # m or rad, by which the same motion may differ, by tensions and by lengths
 _NEARLY = 1e-3  # of limits, by which a motion that keeps to them may be off
 
@@ -57,16 +47,21 @@ def by_lengths(plan: TrackingPlan, result: OptimizationResult) -> OptimizationRe
     none.
     """
     problem, system = plan.problem, plan.problem.system
-    x, u = plan.by_lengths(result.x, result.u)
-    if plan.ties is not None:
-        settled_motion = settled(problem, x, u)
-        if settled_motion is None:
+    if plan.ties is None:
+        x, u = plan.by_lengths(result.x, result.u)
+    else:
+        motion = settled(plan, result)
+        if motion is None:
             raise NotTiedError(
                 "strings on bars: no motion is found in which all of them pull. Lower the least tension, allow bars "
                 "more reach, or let hands hold more strings"
             )
-        x, u = settled_motion
-        result = _qualified(problem, result, x, u)
+        x, u = motion
+        broken = broken_by(plan, x, u)
+        if broken and result.success:  # it does not say that it converged
+            kinds = ", ".join(sorted(broken))
+            said = f"Where strings on bars keep their lengths it breaks limits of {kinds}, by as little as was found."
+            result = replace(result, status=Status.INFEASIBLE, message=said)
     try:
         cost = problem.cost().hessian(x, u)
         K = regulate(*system.linearize(x, u), Q=cost.Q, R=cost.R, Q_final=cost.Q_final)
@@ -80,114 +75,76 @@ def by_lengths(plan: TrackingPlan, result: OptimizationResult) -> OptimizationRe
     return replace(result, x=x, u=u, K=K, projection_gain=K, state=None)
 
 
-def _qualified(problem: TrackingProblem, result: OptimizationResult, x: Array, u: Array) -> OptimizationResult:
-    """Return a result that does not say it converged where the motion by lengths breaks limits."""
-    limits = problem.limits
+def broken_by(plan: TrackingPlan, x: Array, u: Array) -> frozenset[str]:
+    """Return the kinds of limits that a motion by lengths does not nearly keep to."""
+    problem, limits = plan.problem, plan.limits
     broken = limits.loosened(_NEARLY).broken(problem.mechanism, problem.t, problem.pelvis, x)
-    pulls = np.stack(list(problem.system.trajectory(x, u).tensions().values()))
-    if not limits.keep(pulls[:, 1:], _NEARLY):
-        broken |= {"tension"}
-    if not (broken and result.success):
-        return result
-    kinds = ", ".join(sorted(broken))
-    said = f"Where strings on bars keep their lengths it breaks limits of {kinds}, by as little as was found."
-    return replace(result, status=Status.INFEASIBLE, message=said)
+    return broken if limits.keep(_pulls(problem.system, x, u), _NEARLY) else broken | {"tension"}
 
 
-def settled(problem: TrackingProblem, x: Array, u: Array) -> Curve | None:
-    """Return a motion on which strings are as long as they are tied, none of them pulling too little.
+def settled(plan: TrackingPlan, near: OptimizationResult) -> Curve | None:
+    """Return the motion nearest to one of a plan on which strings on bars are as long as they are tied, by lengths.
 
-    ``x`` (N+1, nx), ``u`` (N, nu): of its system, hardly off its constraints; near that is the motion. It keeps to
-    limits where such a one is found, else less nearly. None where no motion is found in which all strings pull.
+    It keeps to limits where such a one is found, else less nearly. None where no motion is found in which all strings
+    pull.
     """
-    m, system, limits = problem.mechanism, problem.system, problem.limits
-    pull = _BY_TENSION * (2.0 * string_lengths(m, problem.reference[0]) / problem.dt) ** 2
-    sizes = m.nd, m.nrho, m.nd, m.nrho
-    Q = np.concatenate([np.repeat([_BY_POSE, _BY_PLACE, _BY_MOMENTUM, 0.0], sizes), pull])
-    R = np.full(system.nu, _BY_PLACE)
+    m, system, ties, limits = plan.mechanism, plan.system, plan.ties, plan.limits
+    assert ties is not None
     margin = min(_MARGIN, 0.25 * (limits.strength - limits.tension))
     inside = replace(limits.loosened(-_WITHIN), tension=limits.tension + margin, strength=limits.strength - margin)
-
-    def priced(kept: PuppetLimits, x: Array, u: Array, price: float) -> PricedLimits:
-        near = QuadraticCost(x, u, Q=Q, R=R, space=system.space)
-        return PricedLimits(near, system, _priced(problem, kept, price))
-
-    asked = priced(limits, x, u, 1.0)
-    best: Curve | None = None  # of those whose strings pull, the one that limits are broken least by
-    least, price, dearer, begun = np.inf, 1.0, _DEARER, False
-    method: Method = "quasi-newton"
-    for _ in range(_ROUNDS):
-        cost = priced(inside, x, u, price)
-        found = _found(problem, cost, x, u, method)
-        if not _is_motion(problem, found) and method == "quasi-newton":
-            # Near a motion, where convex models do not lead to it.
-            method = "auto"
-            near = (x, u) if found is None else (found.x, found.u)
-            found = _found(problem, cost, *near, method) or _found(problem, cost, x, u, method)
-        made = _is_motion(problem, found)
-        if begun and not made:
-            # Again from the same motion, with a price that is not as much dearer.
-            dearer = math.sqrt(dearer)
-            price /= dearer
-            if dearer < _HARDLY:
-                break
-            continue
-        if found is None:
-            break
-        x, u, begun = found.x, found.u, made
-        off = asked.off(x, u)
-        if made and off < least and all(each.min() > 0.0 for each in system.trajectory(x, u).tensions().values()):
-            best, least = (x, u), off
-        if least <= 0.0:
-            break
-        if found.iterations <= _EASY:
-            dearer = min(dearer**2, _DEARER)
-        price = min(dearer * price, _DEAREST)
-    return best
+    R = np.repeat([_BY_TENSION, _BY_PLACE], [len(plan.strings), m.nrho])
+    changed, found, off = _changed(system, near.x, near.u, R), near, ties.off(near.x)
+    weights, missed, motion = np.full_like(off, _WEIGHT), np.zeros_like(off), None
+    with suppress(LeastActionError):
+        for _ in range(_ROUNDS):
+            found = Optimizer(
+                system,
+                DistanceCost(changed, system, ties.pairs, ties.lengths - missed, weights),
+                inside.of(m, plan.problem.pelvis, KINDS),
+                free_start=m.coordinates,
+                method="quasi-newton",
+                tolerance=_TOLERANCE,
+                max_iterations=_ITERATIONS,
+            ).run(found)
+            before, off = np.abs(off), ties.off(found.x)
+            if np.abs(off).max() < _EXACT:
+                motion = _on_rods(plan, found)
+                if motion is not None and not broken_by(plan, *motion):
+                    return motion
+            slow = np.abs(off) > np.maximum(_SLOW * before, 0.01 * _EXACT)
+            dearer = np.where(slow, np.minimum(_DEARER, _DEAREST / weights), 1.0)
+            missed, weights = (missed + off) / dearer, weights * dearer
+    with suppress(LeastActionError):
+        motion = _on_rods(plan, found) or motion
+    return motion
 
 
-def _found(
-    problem: TrackingProblem, cost: PricedLimits, x: Array, u: Array, method: Method
-) -> OptimizationResult | None:
-    """Return what one round finds from a motion, which may still have gaps; None where derivatives or steps fail."""
-    try:
-        return optimize(
-            problem.system,
-            cost,
-            initial=(x, u),
-            free_start=problem.mechanism.coordinates,
-            shooting="multiple",
-            method=method,
-            tolerance=1e-2,
-            max_iterations=_CONVEX if method == "quasi-newton" else _ITERATIONS,
-            callback=_is_there,
-        )
-    except LeastActionError:
-        return None
+def _on_rods(plan: TrackingPlan, found: OptimizationResult) -> Curve | None:
+    """Return a motion whose strings on bars hardly vary by lengths, without gaps; None where strings push."""
+    problem, system = plan.problem, plan.problem.system
+    x, u = plan.by_lengths(found.x, found.u)
+    pull = _BY_TENSION * (2.0 * string_lengths(problem.mechanism, problem.reference[0]) / problem.dt) ** 2
+    done = Optimizer(
+        system,
+        _changed(system, x, u, np.full(system.nu, _BY_PLACE), pull),
+        free_start=problem.mechanism.coordinates,
+        shooting="multiple",
+        tolerance=_TOLERANCE,
+        method="quasi-newton",
+        max_iterations=_ITERATIONS,
+    ).run((x, u))
+    made = done.gap == 0.0 and _pulls(system, done.x, done.u).min() > 0.0
+    return (done.x, done.u) if made else None
 
 
-def _is_there(record: IterationRecord) -> bool:
-    """Whether there is nothing left but to leave a saddle for a minimum: a motion is wanted, and this is one."""
-    return record.method == "negative-curvature"
+def _changed(system: MidpointSystem, x: Array, u: Array, R: Array, multipliers: Array | None = None) -> QuadraticCost:
+    """Return what it costs that a motion is another; ``R``, ``multipliers``: weights of these, and of inputs."""
+    m = system.mechanism
+    prices = np.repeat([_BY_POSE, _BY_PLACE, _BY_MOMENTUM, 0.0], [m.nd, m.nrho, m.nd, m.nrho])
+    Q = prices if multipliers is None else np.concatenate([prices, multipliers])
+    return QuadraticCost(x, u, Q=Q, R=R, space=system.space)
 
 
-def _is_motion(problem: TrackingProblem, found: OptimizationResult | None) -> bool:
-    """Whether there are no gaps between the steps of what was found."""
-    if found is None:
-        return False
-    made, ndx = problem.system.step_each(found.x, found.u), problem.mechanism.ndx
-    return made.complete and bool(np.abs(problem.system.difference(made.x, found.x[1:])[:, :ndx]).max() < _GAP)
-
-
-def _priced(problem: TrackingProblem, limits: PuppetLimits, dearer: float) -> list[PricedLimit]:
-    """Return limits of the marionette by lengths, with their prices."""
-    m, found = problem.mechanism, []
-    for kind in KINDS:
-        own = limits.of(m, problem.pelvis, {kind})
-        if kind == "tension":
-            share = np.ones(len(problem.t) - 1)
-            share[0] = 0.5  # the first impulse is that of half a step
-            names = [s.name for s in strings_of(m)]
-            own = [Bound(names, share * limits.tension, share * limits.strength, of="tension")]
-        found += [PricedLimit(each, dearer * _PRICES[kind]) for each in own]
-    return found
+def _pulls(system: MidpointSystem, x: Array, u: Array) -> Array:
+    """Return the tensions of all strings over the steps (m, N) of a motion by lengths."""
+    return np.stack(list(system.trajectory(x, u).tensions().values()))[:, 1:]

@@ -36,7 +36,7 @@ _HANGING, _PLANNED, _TIED, _TIED_SLOWLY = 1e-6, 1e-2, 3e-3, 1e-3
 _SHARE = 0.05  # of the time may go into checkpoints
 _LOST = 2.0  # share of the cost of a minimum that what was left behind costs where it is no better
 _PLAN_PATIENCE = 150  # iterations of a plan, which then begins again with a puppet that is held still
-# Parts of the cost that ten iterations hardly change: where strings on bars are tied loosely, and firmly but not last.
+# Parts of the cost that ten iterations hardly change: where strings on bars are tied loosely, and with longer steps.
 _HARDLY, _HARDLY_FIRM = 0.002, 0.005
 _CREPT = "The search creeps, and was made from elsewhere: what was left behind is nearer. Go on with --resume."
 _STOPPED = "Ctrl-C ended the search for another way: this is the best motion found before."
@@ -250,9 +250,9 @@ def _from_rest(tracker: Tracker, result: OptimizationResult) -> tuple[Tracker, O
 def _optimised(tracker: Tracker) -> OptimizationResult:
     """Return what one optimisation finds from where it stands, within the limits that are stated."""
     plan, ties = tracker.plan, tracker.ties
-    # Strings on bars may be tied so loosely that an optimisation only leads to the next, or not for the last time.
-    passes = ties is not None and ties.weight < FIRM[0]
-    leads_on = tracker.may_restart if ties is None else ties.weight < FIRM[-1]
+    # Strings on bars may be tied so loosely, or with such long steps, that an optimisation only leads to the next.
+    passes = ties is not None and ties.weight < FIRM
+    leads_on = tracker.may_restart if ties is None else passes or tracker.slow is not None
     hardly = 0.0 if ties is None or not leads_on else _HARDLY if passes else _HARDLY_FIRM
     pace, tolerance = Pace(hardly=hardly, earlier=tracker.earlier), _tolerance(tracker)
     ended: Status | None = None
@@ -303,6 +303,6 @@ def _tolerance(tracker: Tracker) -> float:
     """Return the tolerance: the user's, or that of a puppet that began hanging, a plan, or strings tied firmly."""
     if tracker.tolerance is not None:
         return tracker.tolerance
-    if tracker.ties is None or tracker.ties.weight < FIRM[0]:
+    if tracker.ties is None or tracker.ties.weight < FIRM:
         return _HANGING if tracker.hangs else _PLANNED
     return _TIED if tracker.slow is None else _TIED_SLOWLY

@@ -18,17 +18,13 @@ from leastaction.errors import ArgumentError, LeastActionError, ProjectionError
 from leastaction.mechanics import Mechanism
 from leastaction.models.marionette import bars_of, held_strings
 from leastaction.optimal import OptimizationResult, Status
-from leastaction_marionette.tracking.found import CUT_SHORT, STUCK, TrackingRun, TrackingSearch
+from leastaction_marionette.tracking.found import CUT_SHORT, TrackingRun, TrackingSearch
 from leastaction_marionette.tracking.poses import held_still
 from leastaction_marionette.tracking.stage import optimize
 from leastaction_marionette.tracking.ties import FIRM, Ties
 from leastaction_marionette.tracking.tracker import Tracker, improved
 
-_TYING: Final = 200  # iterations in which strings on bars are tied firmly, but the last time
 _TOO_LOOSE: Final = 0.04  # m, by which strings on bars may not vary any more where their lengths are fixed
-_SETTLED: Final = 1e-4  # m, by which they may vary to be settled (`settle.py`)
-_NEARLY: Final = 1e-3  # m, the same where they cannot be tied more firmly
-_GAINS_NOTHING: Final = 1.01  # times its cost is at most that of a minimum found before
 _NOT_TIED: Final = (
     "The best motion found could not be tied to bars: this is one near it on which strings keep their lengths."
 )
@@ -60,25 +56,17 @@ def followed_on_bars(tracker: Tracker, search: Callable[[Tracker], Tracker], *, 
 def gone_on(tracker: Tracker, found: TrackingRun | TrackingSearch) -> TrackingRun:
     """Return what is found from where a run on bars was, or a search that tied strings."""
     if isinstance(found, TrackingRun):
-        tracker = tracker.tied(FIRM[-2], firm=True)
+        return _by_ways(tracker.tied(FIRM, firm=True), (("it goes on", improved), _STILL))
+    if tracker.ties is None:
+        raise ArgumentError("resume: its strings are tied to bars, and those of the mechanism are not")
+    assert found.firmness is not None
+    if len(found.result.u) < tracker.plan.system.N:
+        tracker = tracker.with_longer_steps()
 
-        def from_there(tracker: Tracker) -> Found:
-            tracker, result = improved(tracker)
-            # Strings that are tied firmly make rounding look like negative curvature: what was a minimum still is.
-            same = found.plan.success and result.status in STUCK and found.plan.cost <= _GAINS_NOTHING * result.cost
-            return tracker, found.plan if same else result
-    else:
-        if tracker.ties is None:
-            raise ArgumentError("resume: its strings are tied to bars, and those of the mechanism are not")
-        assert found.firmness is not None
-        if len(found.result.u) < tracker.plan.system.N:
-            tracker = tracker.with_longer_steps()
-        tracker = tracker.tied(found.firmness)
+    def from_there(tracker: Tracker) -> Found:
+        return more_firmly(*improved(tracker))
 
-        def from_there(tracker: Tracker) -> Found:
-            return more_firmly(*improved(tracker))
-
-    return _by_ways(tracker, (("it goes on", from_there), _STILL))
+    return _by_ways(tracker.tied(found.firmness), (("it goes on", from_there), _STILL))
 
 
 def _by_ways(tracker: Tracker, ways: Sequence[tuple[str, Way]], *, why: str = "") -> TrackingRun:
@@ -119,7 +107,7 @@ def _on_rods(tracker: Tracker, found: OptimizationResult) -> TrackingRun:
     """Return what was found with strings of fixed lengths: where they are still sought, those that suit it."""
     if tracker.slow is not None:
         tracker, found = _with_its_own_steps(tracker, found)
-    if tracker.varies and _ties(tracker).weight < FIRM[0]:
+    if tracker.varies and _ties(tracker).weight < FIRM:
         tracker = with_lengths_of(tracker, found)
     return tracker.ended(found)
 
@@ -158,37 +146,28 @@ def with_lengths_of(tracker: Tracker, result: OptimizationResult) -> Tracker:
 
 
 def more_firmly(tracker: Tracker, result: OptimizationResult) -> Found:
-    """Return what is found where each optimisation ties strings on bars more firmly than the last.
+    """Return what is found where strings on bars are tied firmly, with longer steps first where the tracker has these.
 
-    With longer steps first, where the tracker has these. Strings vary where they cannot be tied.
+    Strings vary where they cannot be tied.
     """
-    left, slow, weight = tracker.left, tracker.slow is not None, _ties(tracker).weight
-    first = [(FIRM[0], True)] if slow and weight < FIRM[0] else []
-    then = [(firm, False) for firm in FIRM if slow or firm > weight]
-    for weight, longer in (*first, *then):
+    left, slow, loose = tracker.left, tracker.slow is not None, _ties(tracker).weight < FIRM
+    for longer in [*[True] * (slow and loose), *[False] * (slow or loose)]:
         if result.status in CUT_SHORT or left < 1:
             break
         if tracker.slow is not None and not longer:
             tracker, result = _with_its_own_steps(tracker, result)
         not_tied = replace(result, status=Status.LINE_SEARCH_FAILED, message=_NOT_TIED)
-        if weight <= FIRM[0]:
-            tracker = with_lengths_of(tracker, result)
+        tracker = with_lengths_of(tracker, result)
         off = float(np.abs(_ties(tracker).off(result.x)).max())
-        if off > _TOO_LOOSE and weight >= FIRM[0]:
+        if off > _TOO_LOOSE:
             return tracker, not_tied
-        if weight > FIRM[0] and off < _SETTLED and result.success:
-            break
         tracker.say(f"strings on bars vary by {1e3 * off:.2g} mm: tied more firmly")
-        iterations = left if weight == FIRM[-1] else _TYING
-        tracker = replace(tracker.tied(weight), start=result, earlier=None, left=iterations)
+        tracker = replace(tracker.tied(FIRM), start=result, earlier=None, left=left)
         try:
-            tracker, firmer = improved(tracker)
+            tracker, result = improved(tracker)
         except ProjectionError as error:
             tracker.say(f"strings cannot be tied more firmly: {error}")
             return replace(tracker, left=left), not_tied
-        if result.success and weight > FIRM[0] and off < _NEARLY and firmer.status in STUCK:
-            break  # so firmly that rounding of what lengths cost looks like negative curvature
-        result = firmer
     if tracker.slow is not None:
         tracker, result = _with_its_own_steps(tracker, result)
     return tracker.tied(_ties(tracker).weight, firm=result.success), result

@@ -101,6 +101,10 @@ def calls() -> dict[str, Call]:
             systems.PlaceCost,
             {"cost": price(), "system": steps(), "places": {"B": [0.0, 0.0, 1.0]}, "weights": {"B": 1.0}},
         ),
+        "DistanceCost": (
+            systems.DistanceCost,
+            {"cost": price(), "system": steps(), "pairs": [("A", "B")], "distances": [1.0], "weights": [1.0]},
+        ),
         "SmoothCost": (
             systems.SmoothCost, {"cost": tied_price(), "system": tied(), "accelerations": {"hook": 1.0}},
         ),
