@@ -40,7 +40,7 @@ _PLAN_PATIENCE = 150  # iterations of a plan, which then begins again with a pup
 _HARDLY, _HARDLY_FIRM = 0.002, 0.005
 _CREPT = "The search creeps, and was made from elsewhere: what was left behind is nearer. Go on with --resume."
 _STOPPED = "Ctrl-C ended the search for another way: this is the best motion found before."
-_THERE = "The expected decrease of the cost is below the tolerance; what limits are off by is settled on rods."
+_THERE = "The expected decrease of the cost is below the tolerance; limits are kept where lengths are exact."
 _STILL = "the motion found cannot be followed: it begins with a puppet that is held still"
 
 
