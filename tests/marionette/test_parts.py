@@ -24,7 +24,6 @@ from leastaction_marionette.tracking import (
     track,
     tracker,
 )
-from leastaction_marionette.tracking import run as run_module
 from leastaction_marionette.tracking.parts import joined, parts_of
 from leastaction_marionette.tracking.plan import Curve, TrackingPlan
 from leastaction_marionette.tracking.problem import TrackingProblem
@@ -122,7 +121,7 @@ def test_where_a_part_leads_nowhere_the_motion_is_followed_as_a_whole(monkeypatc
     def nowhere(_: object) -> None:
         raise ArgumentError("strings hold the puppet nowhere")
 
-    monkeypatch.setattr(run_module, "_followed", nowhere)
+    monkeypatch.setattr(parts, "with_motors", nowhere)
     said: list[str] = []
     run = track(PUPPET, walk_in_place(5.0, 0.02), progress=said.append, **OPTIONS)
     assert said[1] == "it cannot be followed by itself: strings hold the puppet nowhere"

@@ -117,11 +117,11 @@ def test_ctrl_c_ends_the_search_for_a_first_trajectory(monkeypatch: pytest.Monke
 def test_a_first_motion_that_cannot_be_followed_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """The run begins with a puppet that hangs; its strings pull."""
 
-    def wild(wanted: plan.TrackingPlan, *_: object, effort: Effort, **__: object) -> tuple[Array, Array, Effort]:
-        noise = np.random.default_rng(0).normal(scale=1e3, size=wanted.x_reference.shape)
-        return wanted.x_reference + noise, wanted.u_reference + 1e6, effort
+    def wild(wanted: tracker.Tracker, **_: object) -> tracker.Tracker:
+        noise = np.random.default_rng(0).normal(scale=1e3, size=wanted.plan.x_reference.shape)
+        return replace(wanted, start=(wanted.plan.x_reference + noise, wanted.plan.u_reference + 1e6))
 
-    monkeypatch.setattr(run_module, "search", wild)
+    monkeypatch.setattr(run_module, "with_motors", wild)
     said: list[str] = []
     run = track(PUPPET, leap(), planned=True, max_iterations=2, progress=said.append)
     assert "begins with a puppet that is held still" in said[0]
@@ -312,6 +312,28 @@ def test_strings_that_do_not_bear_the_puppet_are_said_to_be_weak() -> None:
         PuppetLimits(strength=0.4)
 
 
+def found_with_motors(wanted: plan.TrackingPlan, said: list[str]) -> tuple[Array, Effort]:
+    """Return what motors lead to from the beginning of a search for a leap, and the effort."""
+    begun = tracker.Tracker(
+        mechanism=PUPPET,
+        motion=leap(),
+        weights=None,
+        limits=wanted.limits,
+        follow="joints",
+        method="auto",
+        tolerance=None,
+        callback=None,
+        say=said.append,
+        kept=tracker.Checkpoints(None, np.inf),
+        threads=0,
+        left=1,
+        plan=wanted,
+    )
+    found = motors.with_motors(begun)
+    assert isinstance(found.start, tuple)
+    return found.start[0], found.effort
+
+
 def test_a_motion_that_motors_cannot_make_begins_with_a_puppet_that_is_held_still(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -326,7 +348,7 @@ def test_a_motion_that_motors_cannot_make_begins_with_a_puppet_that_is_held_stil
 
     monkeypatch.setattr(motors, "optimize", without)
     said: list[str] = []
-    x, _, effort = motors.search(wanted, said.append, effort=Effort(), scale=1.0, keep=lambda *_: None)
+    x, effort = found_with_motors(wanted, said)
     assert said[0].endswith("it begins with a puppet that is held still")
     assert np.ptp(begun[0], axis=0).max() == 0.0
     assert np.ptp(x, axis=0).max() > 0.1
@@ -481,7 +503,7 @@ def test_limits_that_help_leads_beyond_are_stated_when_it_is_taken_away(monkeypa
     monkeypatch.setattr(motors, "optimize", seen)
     limits = PuppetLimits(speed=0.8)
     wanted = plan.TrackingPlan(TrackingProblem(PUPPET, leap(), FORCED, limits))
-    x, *_ = motors.search(wanted, lambda _: None, effort=Effort(), scale=1.0, keep=lambda *_: None)
+    x, _ = found_with_motors(wanted, [])
     released = [speed for inputs, speed in stated if inputs == len(STRINGS)]
     assert released == [True]
     assert not any(speed for inputs, speed in stated if inputs > len(STRINGS))

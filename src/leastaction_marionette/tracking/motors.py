@@ -6,7 +6,7 @@ taken away: the gaps that this leaves between the steps are for the optimiser to
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -15,11 +15,11 @@ from leastaction.errors import ProjectionError
 from leastaction.numerics import Array, smooth_rise
 from leastaction.optimal import Cost, OptimizationResult, Status
 from leastaction.systems import PulledSystem
-from leastaction_marionette.tracking.found import Effort
-from leastaction_marionette.tracking.limits import KINDS
+from leastaction_marionette.tracking.found import TrackingSearch
 from leastaction_marionette.tracking.plan import Curve, TrackingPlan
 from leastaction_marionette.tracking.poses import at_rest
 from leastaction_marionette.tracking.stage import optimize
+from leastaction_marionette.tracking.tracker import Tracker
 from leastaction_marionette.turns import on_the_way
 
 PRICES: Final = (1e-3, 1e-2, 1e-1, 1.0)
@@ -33,66 +33,59 @@ _INSIDE = 0.1  # of the mean tension at rest, by which tensions are above their 
 # motion which is hardly improved with shorter steps of time.
 _ROUGHLY, _WITHOUT_MOTORS = 0.1, 0.02
 
-Keep = Callable[[int, OptimizationResult, Effort, bool], None]
 
+def with_motors(tracker: Tracker, *, begun: TrackingSearch | None = None) -> Tracker:
+    """Return a tracker that starts from what motors on all joints lead to, which become ever more expensive.
 
-def search(
-    plan: TrackingPlan,
-    say: Callable[[str], object],
-    *,
-    stage: int = 0,
-    result: OptimizationResult | None = None,
-    effort: Effort,
-    scale: float,
-    keep: Keep,
-) -> tuple[Array, Array, Effort]:
-    """Return a first trajectory found with motors on all joints that become ever more expensive, and the effort.
-
-    ``say``: told what each stage came to. ``stage``, ``result``, ``effort``: the stage to begin with, what the one
-    before it found, and what was spent until then. ``scale``: as of `Effort.plus`. ``keep``: told of these three after
-    every stage, and where Ctrl-C ends one, which is the fourth argument. Where motors lead nowhere, it begins with a
-    puppet that is held still; raises `ArgumentError` where strings hold it nowhere.
+    Where they lead nowhere, that begins with a puppet that is held still; raises `ArgumentError` where strings hold it
+    nowhere. ``begun``: a search that was cut short. What is found after every stage is kept, and where Ctrl-C ends one.
     """
+    first, result = (0, None) if begun is None else (begun.stage, begun.result)
+    # A search that had to take the plan's own steps goes on with them.
+    own = result is not None and len(result.u) == tracker.plan.system.N
+    coarse = tracker if own else tracker.with_longer_steps()
+    plan, effort = coarse.plan, tracker.effort
     motors = range(len(plan.strings), len(plan.strings) + plan.mechanism.nd)
 
-    def solved(
-        system: PulledSystem, cost: Cost, start: Curve, kinds: Collection[str] = KINDS, **how: Any
-    ) -> OptimizationResult:
-        found = optimize(
-            system,
-            cost,
-            initial=start,
-            limits=plan.stated(kinds),
-            free_start=plan.mechanism.coordinates,
-            **how,
-        )
+    def keep(stage: int, found: OptimizationResult, *, at_once: bool = False) -> None:
+        so_far = replace(tracker, effort=effort)
+        tracker.kept(lambda: so_far.as_search(found, counted=True, stage=stage), at_once=at_once)
+
+    def solved(system: PulledSystem, cost: Cost, start: Curve, **how: Any) -> OptimizationResult:
+        found = optimize(system, cost, initial=start, free_start=plan.mechanism.coordinates, **how)
         if found.status is Status.INTERRUPTED:
             # Ctrl-C, which a single optimisation only ends early, ends them all.
             if result is not None:
-                keep(number, result, effort, True)
+                keep(number, result, at_once=True)
             raise KeyboardInterrupt
         return found
 
-    number = stage
+    number, how = first, {"limits": plan.stated(_KINDS), "tolerance": _ROUGHLY, "max_iterations": _ITERATIONS}
     try:
-        for number, price in enumerate(PRICES[stage:], start=stage):
+        for number, price in enumerate(PRICES[first:], start=first):
             # Duals of an earlier stage are those of cheaper motors: each stage finds its own.
             start = driven(plan) if result is None else (result.x, result.u)
-            cost = plan.cost(motor=price)
-            result = solved(plan.by_motors, cost, start, _KINDS, tolerance=_ROUGHLY, max_iterations=_ITERATIONS)
+            result = solved(plan.by_motors, plan.cost(motor=price), start, **how)
             effort = effort.plus(result, scale=None)
-            keep(number + 1, result, effort, False)
+            keep(number + 1, result)
             most = float(np.max(np.sqrt(np.mean(result.u[:, motors] ** 2, axis=0))))
-            say(f"motors at price {price:g}: the strongest gives {most:.2g} N or N m (rms)")
+            tracker.say(f"motors at price {price:g}: the strongest gives {most:.2g} N or N m (rms)")
         assert result is not None
         start = result.x, np.delete(result.u, motors, axis=1)
     except ProjectionError:
-        say("motors lead to no motion: it begins with a puppet that is held still")
+        tracker.say("motors lead to no motion: it begins with a puppet that is held still")
         start = at_rest(plan)
-    number = len(PRICES)
-    found = solved(plan.system, plan.cost(), start, tolerance=_WITHOUT_MOTORS, max_iterations=_LAST_ITERATIONS)
-    say(f"without motors: cost {found.cost:.4g}")
-    return found.x, found.u, effort.plus(found, scale=scale)
+    number, how = len(PRICES), {"tolerance": _WITHOUT_MOTORS, "max_iterations": _LAST_ITERATIONS}
+    found = solved(plan.system, plan.cost(), start, limits=plan.stated(), **how)
+    tracker.say(f"without motors: cost {found.cost:.4g}")
+    start, effort = (found.x, found.u), effort.plus(found, scale=coarse.scale)
+    if tracker.ties is not None:
+        if coarse.slow is not None:  # what is still to be tied is not worth short steps
+            tracker.say(f"strings on bars are tied with steps of {plan.dt:.3g} s at first")
+        return replace(coarse, start=start, effort=effort)
+    if coarse.slow is not None:
+        start = tracker.plan.inside(*tracker.plan.finer(plan, *start), plan.cost().value(*start) * coarse.scale)
+    return replace(tracker, start=start, effort=effort)
 
 
 def driven(plan: TrackingPlan) -> Curve:

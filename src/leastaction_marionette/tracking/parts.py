@@ -11,7 +11,6 @@ iterations over all of the motion lead to the minimum.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -21,10 +20,10 @@ import numpy as np
 
 from leastaction.errors import ArgumentError, ProjectionError
 from leastaction.numerics import Array, smooth_rise
-from leastaction.optimal import OptimizationResult
-from leastaction_marionette.tracking.found import CUT_SHORT, Effort, TrackingSearch
+from leastaction_marionette.tracking.found import CUT_SHORT, TrackingSearch
+from leastaction_marionette.tracking.motors import with_motors
 from leastaction_marionette.tracking.plan import Curve
-from leastaction_marionette.tracking.tracker import Checkpoints, Tracker
+from leastaction_marionette.tracking.tracker import Checkpoints, Tracker, improved
 from leastaction_marionette.turns import unit
 
 LONG: Final = 30.0
@@ -33,8 +32,6 @@ LONG: Final = 30.0
 _PART: Final = 15.0  # s, about the length of a part
 _OVERLAP: Final = 3.0  # s, for which two are the same; in the middle third one passes over into the other
 _ITERATIONS: Final = 150  # of the last optimisation of a part
-
-Follow = Callable[[Tracker], tuple[Tracker, OptimizationResult]]
 
 
 def parts_of(t: Array) -> list[tuple[int, int]]:
@@ -48,11 +45,11 @@ def parts_of(t: Array) -> list[tuple[int, int]]:
     return [(start, after + overlap) for start, after in pairwise(starts)]
 
 
-def found_in_parts(tracker: Tracker, follow: Follow, begun: TrackingSearch | None) -> Tracker | None:
+def found_in_parts(tracker: Tracker, begun: TrackingSearch | None) -> Tracker | None:
     """Return a tracker that starts from a curve which is nearly a trajectory; None where it is followed as a whole.
 
-    So it is if the motion is short, or where a part leads nowhere. ``follow``: finds what a tracker of a part is after.
-    ``begun``: a search that was cut short after some parts. Raises `KeyboardInterrupt` where Ctrl-C ends one.
+    So it is if the motion is short, or where a part leads nowhere. ``begun``: a search that was cut short after some
+    parts. Raises `KeyboardInterrupt` where Ctrl-C ends one.
     """
     parts, t = parts_of(tracker.motion.t), tracker.motion.t
     if len(parts) < 2:
@@ -69,22 +66,15 @@ def found_in_parts(tracker: Tracker, follow: Follow, begun: TrackingSearch | Non
             callback=None,
             kept=Checkpoints(None, np.inf),
             left=_ITERATIONS,
-            effort=Effort(),
         )
         try:
-            part, result = follow(part.planned())
+            part, result = improved(with_motors(part.planned()))
         except (ArgumentError, ProjectionError) as error:
             tracker.say(f"it cannot be followed by itself: {error}")
             return None
         if result.status in CUT_SHORT:
             raise KeyboardInterrupt
-        before, after = tracker.effort, part.effort
-        effort = replace(
-            before,
-            optimisations=before.optimisations + after.optimisations,
-            iterations=before.iterations + after.iterations,
-        )
-        tracker = replace(tracker, effort=effort)
+        tracker = replace(tracker, effort=replace(part.effort, first_cost=tracker.effort.first_cost))
         x, u = (result.x, result.u) if found is None else joined(found, (result.x, result.u), start)
         found = unit(tracker.plan.mechanism.coordinates, x), u
         none = np.zeros((len(u), u.shape[1], tracker.plan.system.ndx))

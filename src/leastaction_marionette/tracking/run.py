@@ -26,12 +26,12 @@ import numpy as np
 from leastaction.io import Motion
 from leastaction.mechanics import Mechanism
 from leastaction.models.marionette import tie_strings
-from leastaction.optimal import Callback, Method, OptimizationResult
+from leastaction.optimal import Callback, Method
 from leastaction_marionette.choices import Follow
 from leastaction_marionette.tracking import tying
-from leastaction_marionette.tracking.found import CUT_SHORT, Effort, TrackingRun, TrackingSearch
+from leastaction_marionette.tracking.found import CUT_SHORT, TrackingRun, TrackingSearch
 from leastaction_marionette.tracking.limits import PuppetLimits
-from leastaction_marionette.tracking.motors import search
+from leastaction_marionette.tracking.motors import with_motors
 from leastaction_marionette.tracking.parts import found_in_parts
 from leastaction_marionette.tracking.plan import Curve, TrackingPlan
 from leastaction_marionette.tracking.problem import TrackingProblem, below_strings
@@ -182,39 +182,9 @@ def _sought(tracker: Tracker, begun: TrackingSearch | None = None) -> TrackingRu
     if begun is None:
         tied = tie_strings(tracker.mechanism, tracker.plan.problem.reference)
         tracker = replace(tracker, mechanism=tied).planned()
-    with_motors = partial(_with_motors, begun=None if begun is None or begun.parts else begun)
+    by_motors = partial(with_motors, begun=None if begun is None or begun.parts else begun)
     if tracker.ties is not None:
-        return tying.followed_on_bars(tracker, with_motors, begun=begun is not None)
-    first = found_in_parts(tracker, _followed, begun) if begun is None or begun.parts else None
-    tracker, result = improved(first or with_motors(tracker))
+        return tying.followed_on_bars(tracker, by_motors, begun=begun is not None)
+    first = found_in_parts(tracker, begun) if begun is None or begun.parts else None
+    tracker, result = improved(first or by_motors(tracker))
     return tracker.ended(result)
-
-
-def _followed(part: Tracker) -> tuple[Tracker, OptimizationResult]:
-    """Return what is found of a part of a motion."""
-    return improved(_with_motors(part))
-
-
-def _with_motors(tracker: Tracker, *, begun: TrackingSearch | None = None) -> Tracker:
-    """Return a tracker with what motors on all joints lead to, or where a search with them was."""
-    plan = tracker.plan
-    stage, before = (0, None) if begun is None else (begun.stage, begun.result)
-    # A search that had to take the plan's own steps goes on with them.
-    own = before is not None and len(before.u) == plan.system.N
-    coarse = tracker if own else tracker.with_longer_steps()
-
-    def keep(stage: int, found: OptimizationResult, effort: Effort, at_once: bool) -> None:
-        so_far = replace(tracker, effort=effort)
-        tracker.kept(lambda: so_far.as_search(found, counted=True, stage=stage), at_once=at_once)
-
-    x, u, effort = search(
-        coarse.plan, tracker.say, stage=stage, result=before, effort=tracker.effort, scale=coarse.scale, keep=keep
-    )
-    if tracker.ties is not None:
-        if coarse.slow is not None:  # what is still to be tied is not worth short steps
-            tracker.say(f"strings on bars are tied with steps of {coarse.plan.dt:.3g} s at first")
-        return replace(coarse, start=(x, u), effort=effort)
-    start = x, u
-    if coarse.slow is not None:
-        start = plan.inside(*plan.finer(coarse.plan, x, u), coarse.plan.cost().value(x, u) * coarse.scale)
-    return replace(tracker, effort=effort, start=start)

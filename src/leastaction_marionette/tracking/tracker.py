@@ -98,11 +98,6 @@ class Tracker:
     restarts: bool = True  # whether it begins with a puppet that is held still where it is stuck or creeps, on no bars
 
     @property
-    def stepped(self) -> Motion:
-        """The motion with the steps that it is followed with for the time being."""
-        return self.motion if self.slow is None else self.slow
-
-    @property
     def ties(self) -> Ties | None:
         """The lengths of strings on bars, if there are some."""
         return self.plan.ties
@@ -126,7 +121,7 @@ class Tracker:
         """Return one with the plan of its motion and mechanism; ``hangs``: with the weights of gentle motions."""
         problem = TrackingProblem(
             self.mechanism,
-            self.stepped,
+            self.slow or self.motion,
             self.weights or (GENTLE if hangs else FORCED),
             self.limits,
             follow=self.follow,
