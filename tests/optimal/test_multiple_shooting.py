@@ -32,9 +32,9 @@ from leastaction import (
     tz,
     world,
 )
-from leastaction.errors import ArgumentError
+from leastaction.errors import ArgumentError, StepError
 from leastaction.io.results import load_result, save_result
-from leastaction.optimal import ContinuousQuadraticCost, LinearSystem, solve_linear_quadratic
+from leastaction.optimal import ContinuousQuadraticCost, FunctionSystem, LinearSystem, solve_linear_quadratic
 from leastaction.optimal.discrete import step_by_step
 from leastaction.optimal.discrete.linear_quadratic import sweep_forward
 from leastaction.optimal.iterates.gap_filter import Filter, OpenCurve
@@ -585,3 +585,29 @@ def test_gaps_that_hardly_shrink_are_not_closed_at_any_price():
     # What is dear there need not be with other gaps.
     assert takes(curve(theta=0.9, cost=32.1), penalty=3.1)
     assert not Filter(1.0).takes(curve(0.5, 2.0), curve(0.45, 17.1), length=1.0, fall=-1.0, noise=0.0, penalty=penalty)
+
+
+def test_gaps_that_cannot_close_end_a_run_in_words_where_no_start_can_be_rolled_out(tmp_path):
+    """There is no motion: from everywhere two steps lead to where none can be made."""
+
+    def drifts(x, u, k):
+        if abs(x[0]) > 5.0:
+            raise StepError("too far out", t=k, residuals={}, iteration=0)
+        return x + 3.0 + 0.1 * np.sin(u)
+
+    def derivatives(x, u, k):  # noqa: ARG001
+        return np.eye(1), 0.1 * np.diag(np.cos(u))
+
+    N = 8
+    system = FunctionSystem(drifts, nx=1, nu=1, N=N, derivatives=derivatives)
+    still = np.zeros((N + 1, 1)), np.zeros((N, 1))
+    cost = QuadraticCost(*still, Q=[1.0], R=[0.1])
+    result = optimize(system, cost, initial=still)
+    assert result.status is Status.LINE_SEARCH_FAILED
+    assert "too far out" in result.message
+    assert "Gaps are still open" in result.message
+    assert result.gap > 1.0
+    assert np.isfinite(result.x).all()
+    again = optimize(system, cost, resume=load_result(save_result(tmp_path / "open.npz", result)))
+    assert again.status is result.status
+    assert 1.0 < again.gap <= result.gap

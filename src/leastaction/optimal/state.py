@@ -44,7 +44,7 @@ class Gaps(Frozen):
     states, in which gaps are measured. ``costates`` (N+1, nx): multipliers of the dynamics; no rows where nothing is
     known of them yet. ``filter`` (n, 2): sums of gaps, with costs, that no later curve may be worse than in both.
     ``first``: the sum of gaps it began with. ``penalty``: of the gaps. ``length``: of the last step. ``longest``:
-    iterations after which the search is over.
+    iterations after which the search is over; None: it goes on.
     """
 
     x: Array
@@ -56,7 +56,7 @@ class Gaps(Frozen):
     first: float
     penalty: float
     length: float
-    longest: int
+    longest: int | None
 
 
 @dataclass(frozen=True)

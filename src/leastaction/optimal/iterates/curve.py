@@ -46,11 +46,11 @@ _CORRECTIONS, _LEFT = 4, 0.99  # most steps that close the gaps of a full one; l
 class CurveSteps(Steps[LinearQuadraticSolution, DiscreteDirection, Iterate]):
     """Steps from one curve with gaps to the next.
 
-    ``size`` (ndx,): of the states, in which gaps are measured. ``longest``: iterations after which they are over.
-    ``penalty``: of the gaps, in the value that the loop gets.
+    ``size`` (ndx,): of the states, in which gaps are measured. ``longest``: iterations after which they are over; None:
+    only when the gaps are closed. ``penalty``: of the gaps, in the value that the loop gets.
     """
 
-    def __init__(self, models: Models, size: Array, longest: int = LONGEST_WITH_GAPS) -> None:
+    def __init__(self, models: Models, size: Array, longest: int | None = LONGEST_WITH_GAPS) -> None:
         self.models, self.size, self.longest = models, size, longest
         self.penalty = 0.0
         self.filter = Filter(1.0)
@@ -102,8 +102,8 @@ class CurveSteps(Steps[LinearQuadraticSolution, DiscreteDirection, Iterate]):
         return self.curve.gap <= _CLOSED
 
     @property
-    def longest_stage(self) -> int:
-        """Iterations after which the stage is over: at once where the gaps are closed."""
+    def longest_stage(self) -> int | None:
+        """Iterations after which the stage is over, if it ends: at once where the gaps are closed."""
         return 1 if self.curve.length == 1.0 and self.are_closed else self.longest
 
     def tolerated(self, goal: float) -> float:

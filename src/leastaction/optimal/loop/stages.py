@@ -77,7 +77,7 @@ class StageSequence:
             shift = 0.0 if was_open and not following.stages.is_open else run.schedule.shift
             run.set_out(changed(run.schedule, scale=1.0, expected=np.nan, full=False, shift=shift))
             return True
-        if not was_open:
+        if not was_open or run.problem.stages.is_open:
             return False
         run.set_out(NewtonSchedule(), "the gaps did not close, back to where it stood")
         if run.began_with_short_steps and not run.problem.models.knows_longest_step:

@@ -269,14 +269,25 @@ class Beginning:
         """Have gaps tried from the wanted motion next, where an initial state alone was given; once."""
         self.remember(given=self.begun.wanted, wanted=None)
 
+    def _stands_at_given(self) -> bool:
+        """Stand at the projection of the given start; whether there is one."""
+        given = self.begun.given
+        try:
+            if given is not None:
+                self.parts.stand_at(given.x, given.u)
+        except LeastActionError:
+            return False
+        return given is not None
+
     def leave_gaps(self) -> bool:
         """Go on over trajectories, where the gaps are closed or cannot be; whether it is where they led.
 
-        If not, it is back where it stood before: only closed gaps are worth leaving a place that costs less.
+        If not, it is back where it stood before: only closed gaps are worth leaving a place that costs less. Where there
+        is no trajectory to stand at, gaps may stay open for as long as it takes.
         """
         curve, begun = self.parts.curve, self.begun
         assert curve is not None
-        closed, x, u = curve.are_closed, self.parts.x, self.parts.u
+        closed, x, u, open_still = curve.are_closed, self.parts.x, self.parts.u, curve.state()
         self.parts.models.costates = None
         try:
             self.parts.forget_gaps()
@@ -285,10 +296,9 @@ class Beginning:
             closed = False
             if begun.earlier is not None:
                 self.parts.here.value = np.inf
-            elif begun.given is not None:
-                self.parts.stand_at(begun.given.x, begun.given.u)
-            else:
-                raise
+            elif not self._stands_at_given():
+                self.recall_gaps(changed(open_still, longest=None))
+                return curve.longest is not None
         self.parts.models.forget()
         earlier = begun.earlier
         self.remember(earlier=None, given=None)
