@@ -132,6 +132,14 @@ def test_a_torso_that_turns_over_sideways_passes_beside_its_singularity(tmp_path
     assert max(float(error.max()) for error in made.errors.values()) < 30.0
 
 
+def test_a_capture_is_tracked_as_it_was_read(tmp_path: Path) -> None:
+    """`track` takes what `load_motion` returns, as well as its motion alone."""
+    read = load_motion(write_puppet(tmp_path / "a.bvh", waving(40)))
+    run = track(marionette(), read, max_iterations=1)
+    assert run.motion.names == read.motion.names[: len(run.motion.names)]
+    np.testing.assert_array_equal(run.motion.q, read.motion.q)
+
+
 def test_a_capture_of_a_few_frames_is_a_motion(tmp_path: Path) -> None:
     """It picks up speed as fast as there is time to."""
     motion = load_motion(write_puppet(tmp_path / "a.bvh", waving(5), frame_time=0.02)).motion

@@ -595,7 +595,7 @@ def test_gaps_that_cannot_close_end_a_run_in_words_where_no_start_can_be_rolled_
             raise StepError("too far out", t=k, residuals={}, iteration=0)
         return x + 3.0 + 0.1 * np.sin(u)
 
-    def derivatives(x, u, k):  # noqa: ARG001
+    def derivatives(x, u, k):
         return np.eye(1), 0.1 * np.diag(np.cos(u))
 
     N = 8

@@ -28,6 +28,7 @@ from leastaction.mechanics import Mechanism
 from leastaction.models.marionette import tie_strings
 from leastaction.optimal import Callback, Method
 from leastaction_marionette.choices import Follow
+from leastaction_marionette.retargeting import PuppetMotion
 from leastaction_marionette.tracking import tying
 from leastaction_marionette.tracking.found import CUT_SHORT, TrackingRun, TrackingSearch
 from leastaction_marionette.tracking.limits import PuppetLimits
@@ -46,7 +47,7 @@ _OFF: Final = 0.02  # of the mean tension at rest, by which hanging strings keep
 
 def track(
     mechanism: Mechanism,
-    motion: Motion,
+    motion: Motion | PuppetMotion,
     *,
     weights: TrackingWeights | None = None,
     limits: PuppetLimits | None = None,
@@ -68,8 +69,9 @@ def track(
     ----------
     mechanism : Mechanism
         From `leastaction.models.marionette.marionette`.
-    motion : Motion
-        The reference: values of all body variables, equidistant in time. It need not be possible.
+    motion : Motion or PuppetMotion
+        The reference: values of all body variables, equidistant in time, or what `load_motion` read. It need not be
+        possible.
     weights : TrackingWeights, optional
         What matters how much. If not given, `GENTLE` where hanging strings give a good first trajectory, else `FORCED`.
     limits : PuppetLimits, optional
@@ -110,7 +112,7 @@ def track(
         If the motion does not name the variables, is too short, or no first trajectory is found.
     """
     say, follow = progress or (lambda _: None), follow if resume is None else resume.follow
-    motion, lowered = below_strings(mechanism, motion)
+    motion, lowered = below_strings(mechanism, motion.motion if isinstance(motion, PuppetMotion) else motion)
     if lowered > 0.0:
         say(f"the motion rises above the plane of the strings: lowered there, by up to {lowered:.2g} m")
     limits = limits or PuppetLimits()

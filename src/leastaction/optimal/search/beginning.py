@@ -282,8 +282,8 @@ class Beginning:
     def leave_gaps(self) -> bool:
         """Go on over trajectories, where the gaps are closed or cannot be; whether it is where they led.
 
-        If not, it is back where it stood before: only closed gaps are worth leaving a place that costs less. Where there
-        is no trajectory to stand at, gaps may stay open for as long as it takes.
+        If not, it is back where it stood before: only closed gaps are worth leaving a place that costs less. Where
+        there is no trajectory to stand at, gaps may stay open for as long as it takes.
         """
         curve, begun = self.parts.curve, self.begun
         assert curve is not None
