@@ -60,30 +60,72 @@ Axis axis_of(const Motion<double>& t) {
 
 namespace {
 
-// Any twist, or a turn about x behind a rotation; apart, so that the joints that are everywhere are as quick as without them.
+// Any twist; apart, so that the joints that are everywhere are as quick as without it.
 template <class T>
-[[gnu::noinline]] void place_screw(const Joint& joint, T q, T s, T c, const T* all, Pose<T>& pose, Motion<T>& twist) {
-    if (joint.quaternion >= 0) {
-        pose.R = pose.R * rotation_of(all + joint.quaternion);
-        const Vec3<T> w = pose.R.c0;
-        twist = {cross(pose.p, w), w};
-        turn(pose.R.c1, pose.R.c2, s, c);
-        return;
-    }
+[[gnu::noinline]] void place_screw(const Joint& joint, T q, Pose<T>& pose, Motion<T>& twist) {
     const Vec3<T> w = pose.R * joint.twist.w;
     twist = {pose.R * joint.twist.v + cross(pose.p, w), w};
     move_along_screw(joint.twist, q, pose);
 }
 
+template <class T, class U>
+Vec3<T> lifted(const Vec3<U>& a) {
+    return {T(a.x), T(a.y), T(a.z)};
+}
+template <class T, class U>
+Mat3<T> lifted(const Mat3<U>& R) {
+    return {lifted<T>(R.c0), lifted<T>(R.c1), lifted<T>(R.c2)};
+}
+
+// Turns by an angle that is zero, of duals with its derivatives.
+template <class T>
+void turn_at_zero(Vec3<T>& a, Vec3<T>& b, const T& angle) {
+    if constexpr (is_dual<T>) {
+        T s, c;
+        sincos_from(angle, 0.0, 1.0, s, c);
+        turn(a, b, s, c);
+    }
+}
+
+// The three joints of a ball, given that its parent is placed: about the axes of its rotation, where their coordinates are zero.
+// The rotation itself is fixed.
+template <class T>
+[[gnu::noinline]] void place_ball(const Joint& joint, const T* q, int index, Placement<T>& out) {
+    using Number = SizeOf<T>;
+    const T* angles = q + joint.variable;
+    Number quaternion[4];
+    for (int i = 0; i < 4; ++i) quaternion[i] = value_of(q[joint.quaternion + i]);
+    Mat3<Number> own = rotation_of(quaternion);
+    if (joint.base_rotates) own = joint.base.R * own;
+    Pose<T>* pose = &out.pose[index];
+    Mat3<T>& R = pose[0].R;
+    Vec3<T>& p = pose[0].p;
+    if (joint.parent < 0) {
+        R = lifted<T>(own);
+        p = lifted<T>(joint.base.p);
+    } else {
+        const Pose<T>& parent = out.pose[joint.parent];
+        R = parent.R * own;
+        p = parent.R * joint.base.p + parent.p;
+    }
+    const auto about = [&](int k, const Vec3<T>& w) { out.twist[index + k] = {cross(p, w), w}; };
+    about(0, R.c0);
+    turn_at_zero(R.c1, R.c2, angles[0]);
+    pose[1] = pose[0];
+    about(1, R.c1);
+    turn_at_zero(pose[1].R.c2, pose[1].R.c0, angles[1]);
+    pose[2] = pose[1];
+    about(2, pose[1].R.c2);
+    turn_at_zero(pose[2].R.c0, pose[2].R.c1, angles[2]);
+}
+
 // One joint, given that its parent is placed; s and c are the sine and cosine of q.
 template <class T>
-inline void place_one(const Joint& joint, const T& q, const T& s, const T& c, const T* all, int index,
-                      Placement<T>& out) {
+[[gnu::always_inline]] inline void place_one(const Joint& joint, const T& q, const T& s, const T& c, int index,
+                                             Placement<T>& out) {
     Pose<T>& pose = out.pose[index];
     if (joint.parent < 0) {
-        const Mat3<double>& R = joint.base.R;
-        const auto lift = [](const Vec3<double>& a) { return Vec3<T>{T(a.x), T(a.y), T(a.z)}; };
-        pose = {{lift(R.c0), lift(R.c1), lift(R.c2)}, lift(joint.base.p)};
+        pose = {lifted<T>(joint.base.R), lifted<T>(joint.base.p)};
     } else {
         const Pose<T>& parent = out.pose[joint.parent];
         pose.R = joint.base_rotates ? parent.R * joint.base.R : parent.R;
@@ -118,7 +160,7 @@ inline void place_one(const Joint& joint, const T& q, const T& s, const T& c, co
             along(pose.R.c2);
             break;
         case Axis::screw:
-            place_screw(joint, q, s, c, all, pose, twist);
+            place_screw(joint, q, pose, twist);
             break;
     }
 }
@@ -130,6 +172,30 @@ bool any_turns(const std::vector<int>& list, const std::vector<Joint>& joints, c
         if (angles[i] != 0.0 && (axis <= Axis::rz || axis == Axis::screw)) return true;
     }
     return false;
+}
+
+// Where sines and cosines are known, but of lanes.
+template <bool with_balls, class T>
+void place_each(const std::vector<int>& list, const T* q, Placement<T>& out) {
+    const std::vector<Joint>& joints = out.joints();
+    const int n = static_cast<int>(list.size());
+    for (int i = 0; i < n; ++i) {
+        const Joint& joint = joints[list[i]];
+        if (with_balls && joint.quaternion >= 0) {
+            place_ball(joint, q, list[i], out);
+            i += 2;  // its other two stand behind it
+            continue;
+        }
+        const T x = joint.coordinate(q);
+        T s, c;
+        if constexpr (!std::is_same_v<T, Lanes>)
+            sincos_from(x, out.sine[i], out.cosine[i], s, c);
+        else if (joint.axis <= Axis::rz)
+            sincos_of(x, s, c);
+        else
+            s = c = T(0.0);
+        place_one(joint, x, s, c, list[i], out);
+    }
 }
 
 }  // namespace
@@ -149,18 +215,10 @@ void place(const std::vector<int>& list, const T* q, Placement<T>& out) {
             sincos_all(out.angle.data(), out.sine.data(), out.cosine.data(), n);
         }
     }
-    for (int i = 0; i < n; ++i) {
-        const Joint& joint = joints[list[i]];
-        const T x = joint.coordinate(q);
-        T s, c;
-        if constexpr (!std::is_same_v<T, Lanes>)
-            sincos_from(x, out.sine[i], out.cosine[i], s, c);
-        else if (joint.axis <= Axis::rz || joint.quaternion >= 0)
-            sincos_of(x, s, c);
-        else
-            s = c = T(0.0);
-        place_one(joint, x, s, c, q, list[i], out);
-    }
+    if (out.has_quaternions())
+        place_each<true>(list, q, out);
+    else
+        place_each<false>(list, q, out);
 }
 
 template void place(const std::vector<int>&, const double*, Placement<double>&);

@@ -225,12 +225,17 @@ void MechanismBuilder::couple_joint(int joint, int variable, double factor) {
 void MechanismBuilder::add_ball(int joint) {
     check_joint(joint);
     const int last = joint + 2;
+    const auto stands_there = [](const Joint& of) {
+        const Vec3<double>& p = of.base.p;
+        return !of.base_rotates && p.x == 0 && p.y == 0 && p.z == 0;
+    };
     bool fits = joint >= 0 && last < static_cast<int>(joints_.size());
     for (int j = joint; fits && j <= last; ++j) {
         const Joint& of = joints_[j];
         fits = of.simple && of.more.empty() && of.axis == static_cast<Axis>(j - joint) &&
                (of.variable < n_dynamic_) == (joints_[joint].variable < n_dynamic_) &&
-               of.variable == joints_[joint].variable + j - joint && (j == joint || of.parent == j - 1);
+               of.variable == joints_[joint].variable + j - joint &&
+               (j == joint || (of.parent == j - 1 && stands_there(of)));
     }
     if (!fits)
         throw std::invalid_argument("a ball is three joints rx, ry, rz in a row, with variables of one kind in a row");
