@@ -48,10 +48,14 @@ void SecondOrder::hessian(double dt, const FirstOrder& first) {
     else
         turned_middle_.set({}, dt);
     begin_middle(dt);
-    add_lagrangian(dt);
+    evaluate_along(dt);
+    if (!turned_) add_lagrangian(dt);
     add_potentials();
     add_forces(dt);
-    if (turned_) add_bends(dt);
+    if (turned_) {  // of whose own second derivatives some are of what elements do
+        add_bends(dt);
+        add_lagrangian(dt);
+    }
     add_instant_forces();  // of which balls have the turns of the start alone
     const bool at_ends = turned_ && (nc_ > 0 || prescribed_turns_ || !mechanism_.instant_forces.empty());
     if (at_ends) begin_turned_ends();
@@ -75,7 +79,7 @@ void SecondOrder::set_multipliers(const FirstOrder& first) {
     for (int c = 0; c < nc_; ++c) add_row(w_lam[c], &first.Y[(nd_ + c) * ld]);
 }
 
-void SecondOrder::add_lagrangian(double dt) {
+void SecondOrder::evaluate_along(double dt) {
     const auto [mu_z, w_z, n_z] = directions();
     for (int i = 0; i < nq_; ++i) {
         const double mu = i < n_z ? mu_z[i] : 0.0, w = i < n_z ? w_z[i] : 0.0;
@@ -86,6 +90,9 @@ void SecondOrder::add_lagrangian(double dt) {
     if (turned_) place_dual_balls();
     dual_.at.time = t + 0.5 * dt;
     dual_.gradient(dual_q_.data(), dual_v_.data());
+}
+
+void SecondOrder::add_lagrangian(double dt) {
     dual_.hessian(turned_middle_.joints());
     const PairDerivatives& d = dual_.pairs;
     each_pair(mechanism_, d.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {

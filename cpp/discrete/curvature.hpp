@@ -105,6 +105,7 @@ private:
         add_22(j, i, ee);
     }
     void add_prescribed_turns();
+    void evaluate_along(double dt);  // the Lagrangian, in dual_
     void add_lagrangian(double dt);
     void add_potentials();
     void begin_middle(double dt);

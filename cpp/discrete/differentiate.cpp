@@ -113,12 +113,13 @@ void FirstOrder::add_balls(const MidpointStep& step) {
             }
             continue;
         }
-        const Turning::Matrix6 bend = step.own_bend(b);
+        // Half the commutator: X_u of the row of v, by u x v of each end.
+        const auto [start, end] = step.turned_rows(ball);
+        const Turning::Matrix3 at_start = crossing(0.5 * start), at_end = crossing(0.5 * end);
         for (int i = 0; i < 3; ++i)
             for (int j = 0; j < 3; ++j) {
-                Y[(at + i) * ld + at + j] -= bend.aa(i, j);
-                P2[(at + i) * ld + at + j] += bend.ba(i, j);
-                G_y(at + i, at + j) += bend.bb(i, j);
+                Y[(at + i) * ld + at + j] -= at_start(i, j);
+                G_y(at + i, at + j) += at_end(i, j);
             }
         if (nc == 0 && mechanism.instant_forces.empty()) continue;
         Eigen::Vector3d slope = Eigen::Vector3d::Zero();

@@ -39,7 +39,7 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
     for (auto* a : {&q1, &q2, &q_mid_, &placed_}) sized(*a, mechanism_->n_coordinates());
     for (auto* a : {&v_, &still_, &expected_v_}) sized(*a, nq);
     if (!mechanism_->balls.empty())
-        for (auto* a : {&raw_start_, &raw_end_}) sized(*a, nq);
+        for (auto* a : {&raw_start_, &raw_end_, &turned_start_, &turned_end_}) sized(*a, nq);
     bends_.resize(mechanism_->balls.size());
     ball_turns_.resize(mechanism_->balls.size());
     if (mechanism_->time_slot >= 0) by_time_ = std::make_unique<TimeSlopes>(*mechanism_);
@@ -173,7 +173,7 @@ inline void MidpointStep::middle_of(double dt) {
         q_mid_[i] = 0.5 * (q1[i] + q2[i]);
         v_[i] = (q2[i] - q1[i]) / dt;
     }
-    if (!mechanism_->balls.empty()) turn_ends();
+    if (!mechanism_->balls.empty()) turn_middle();
     lagrangian_.at.time = t + 0.5 * dt;
     lagrangian_.gradient(q_mid_.data(), v_.data());
     if (tree_ && turned_middle_.turns()) keep(lagrangian_.L_q, kernel_slopes_);
@@ -184,6 +184,7 @@ void MidpointStep::evaluate(double dt) {
     middle_of(dt);
     if (nc_ > 0) {
         at2_.time = t + dt;
+        if (!turnings_.empty()) turn_ends();
         place(mechanism_->free_constraint_joints, end(), at2_);
         if (loops_) {
             loops_->evaluate(at2_, end_);
@@ -345,6 +346,7 @@ void MidpointStep::list_entries() {
 
 bool MidpointStep::factor_dense(double dt) {
     if (own_entries_.empty()) list_entries();
+    if (turned_middle_.turns()) set_bends();
     lagrangian_.hessian(turned_middle_.joints());
     newton_.clear();
     double* M = newton_.M.data();
@@ -363,7 +365,6 @@ bool MidpointStep::factor_dense(double dt) {
     }
     for (int i = 0; i < nd_; ++i) note_inertia(i, diagonal_[i]);
     element_matrix(dt, [&](int i, int j, double value) { M[i * newton_.stride + j] += value; });
-    if (turned_middle_.turns()) add_bends();
     make_gradients();
     return newton_.factor(C1_.data(), C2_.data(), nq_);
 }
@@ -371,7 +372,10 @@ bool MidpointStep::factor_dense(double dt) {
 void MidpointStep::place_prescribed() {
     const std::vector<int>& joints = mechanism_->prescribed_constraint_joints;
     if (joints.empty()) return;
-    if (!mechanism_->balls.empty()) turn_ends();
+    if (!mechanism_->balls.empty()) {
+        turn_middle();
+        turn_ends();
+    }
     place(joints, end(), at2_);
 }
 
@@ -454,6 +458,7 @@ StepReport MidpointStep::solve(double dt, bool known) {
         for (int c = 0; c < nc_; ++c) lam[c] += correction_[nd_ + c];
         if (known && factored_at_solution_) break;
     }
+    if (!turnings_.empty() && nc_ == 0) turn_ends();
     if (!known) {
         // What is left of F1, a covector at q1, goes on with the momentum, so that what symmetries keep is kept:
         // p2 = p1 + dt L_q + (fd- + fd+) - Dh(q1)' lam.

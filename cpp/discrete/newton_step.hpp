@@ -18,6 +18,7 @@
 
 #include <cmath>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "discrete/turned_middle.hpp"
@@ -119,11 +120,11 @@ public:
     // Rows of the first n variables, of which balls have theirs by (q1, q2) of the kernel, to turns of the ends.
     void turn_rows(double* start, double* end, int n) const;
     // After factor_at_solution(): the second derivatives of L, of balls by the ends' turns; those by the kernel's coordinates,
-    // which take their place; the rest of the second derivatives of the rows by a ball's ends, X_u of that of v in (v, u).
+    // which take their place; the rows of a ball as turns of its start and its end.
     const TurnedMiddle& turned_middle() const { return turned_middle_; }
     const PairDerivatives& pairs() const { return lagrangian_.pairs; }
     const PairDerivatives& kernel_pairs();
-    Turning::Matrix6 own_bend(std::size_t ball) const;
+    std::pair<Vec3<double>, Vec3<double>> turned_rows(const Ball& ball) const;
     // The Lagrangian at the midpoint, with its second derivatives; what forces see there; the constraints at the start, and
     // their gradients (n_constraints x n_variables) at the end.
     const Lagrangian<double>& lagrangian() const { return lagrangian_; }
@@ -147,7 +148,8 @@ public:
     const std::vector<double>& mobility() const { return mobility_; }
 
 private:
-    void turn_ends();         // of balls: turnings_, their quaternions in q2 and end_
+    void turn_middle();       // of balls: turnings_, their quaternions in q_mid_
+    void turn_ends();         // and after that those in q2 and placed_
     void turn_residual();     // and their rows of residual and p2
     void place_prescribed();  // what constraints see at the end that no dynamic variable moves
     void turn_correction();   // of balls: from turns of the end to changes of phi
@@ -160,7 +162,7 @@ private:
     bool factor_tree(double dt);
     bool factor_dense(double dt);
     void make_bends();                // of balls
-    void add_bends();                 // to the dense Newton matrix
+    void set_bends();                 // for the dense Newton matrix
     void make_ball_turns(double dt);  // for tree_, with them
     void make_gradients();            // C1_ and C2_, where loops_ made do without
     void make_start_gradients();
@@ -212,8 +214,9 @@ private:
     TurnedMiddle turned_middle_;
     std::vector<BallTurn> ball_turns_;                  // for tree_
     std::vector<double> kernel_slopes_;                 // L_q without elements, for these
-    std::vector<Turning::Matrix6> bends_;               // by ball and the ends of its step: what no pair of joints has
+    std::vector<Turning::Matrix6> bends_;               // by ball, by (s, d): what no pair of joints has
     std::vector<double> placed_, raw_start_, raw_end_;  // and the rows D1Ld + fd- and D2Ld + fd+ before they are turned
+    std::vector<double> turned_start_, turned_end_;     // and then
     std::unique_ptr<TimeSlopes> by_time_;               // null where nothing changes with the time
     double potential_size_ = 0;                         // of the largest slope of a potential
     double stored_ = 0, stored_size_ = 0;               // energy in potentials, and the sum of their sizes

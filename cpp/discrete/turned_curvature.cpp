@@ -63,12 +63,15 @@ void SecondOrder::begin_turned(double dt) {
     std::copy(w_p.begin(), w_p.end(), w_z_.begin());
     t.turnings.clear();
     t.fields.clear();
-    std::copy(q2.begin(), q2.begin() + nq_, t.end.begin());
+    const bool has_end = nc_ > 0;  // that anything sees
+    if (has_end) std::copy(q2.begin(), q2.begin() + nq_, t.end.begin());
     for (const Ball& ball : mechanism_.balls) {
         const int at = ball.variable;
         const Turning& turning = t.turnings.emplace_back(&q2[at]);
-        std::fill_n(&t.end[at], 3, 0.0);
-        turning.turn_whole(&q1[ball.quaternion], &t.end[ball.quaternion]);
+        if (has_end) {
+            std::fill_n(&t.end[at], 3, 0.0);
+            turning.turn_whole(&q1[ball.quaternion], &t.end[ball.quaternion]);
+        }
         Vector mu, w;
         if (!ball.prescribed) {
             mu = {mu_[at], mu_[at + 1], mu_[at + 2]};
@@ -103,6 +106,7 @@ void SecondOrder::add_turned_potential(const ConfigurationFunction& potential) {
 // Of forces of balls that are no second derivatives with the field held.
 void SecondOrder::add_turned_forces(double dt) {
     const Mechanism& m = mechanism_;
+    if (m.damping.empty() && m.joint_forces.empty() && m.forces.empty()) return;
     Turned& t = *turned_;
     for (auto* a : {&t.force, &t.by_q, &t.by_v}) std::fill(a->begin(), a->end(), 0.0);
     // As one row at the middle, for each second: the field of duals is that of dt L.
@@ -156,6 +160,7 @@ void SecondOrder::add_bends(double dt) {
                          h = vector([&](int i) { return dual_.L_v[i].v + 0.5 * (kp - km) * t.force[i]; });
             own = t.fields[b].bend(g, h, by_theta, by_nu);
         }
+        if (turned_middle_.set_own(b, own, dt)) continue;
         own = by_ends(own);
         for (int k = 0; k < 3; ++k)
             for (int l = 0; l < 3; ++l) {

@@ -11,7 +11,7 @@ TurnedMiddle::TurnedMiddle(const Mechanism& m) : mechanism_(m), ball_of_(m.n_var
         std::fill_n(&ball_of_[m.balls[b].variable], 3, static_cast<int>(b));
         const bool massive = m.balls[b].joint < m.n_massive;
         place_in_joints_.push_back(massive ? static_cast<int>(joints_.size()) : -1);
-        if (massive) joints_.push_back({m.balls[b].joint, {}, {}});
+        if (massive) joints_.push_back({m.balls[b].joint, !m.balls[b].prescribed, {}, {}, {}});
     }
 }
 
@@ -39,6 +39,13 @@ void TurnedMiddle::set_field(std::size_t ball, const Matrix6& slope) {
     const Matrix6 along = scaled(slope);
     balls_[ball].field.set(mechanism_.balls[ball].variable, along);
     if (place_in_joints_[ball] >= 0) joints_[place_in_joints_[ball]].along = along;
+}
+
+bool TurnedMiddle::set_own(std::size_t ball, const Matrix6& bend, double factor) {
+    const int place = place_in_joints_[ball];
+    if (place < 0) return false;
+    joints_[place].own = {(factor * rate_) * bend.aa, factor * bend.ab, factor * bend.ba, (factor * dt_) * bend.bb};
+    return true;
 }
 
 }  // namespace leastaction

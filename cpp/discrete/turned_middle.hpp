@@ -55,6 +55,10 @@ public:
     // The derivatives by (s, d) of the field of a ball, where duals are taken along it (0 before).
     void set_field(std::size_t ball, const Turning::Matrix6& slope);
 
+    // Second derivatives of a ball by (s, d) that are none of the kernel's, times `factor` those of dt L: false where it moves no
+    // mass, and so is none of joints().
+    bool set_own(std::size_t ball, const Turning::Matrix6& bend, double factor);
+
     // For the kernel: the joints of balls by (s, d/dt).
     std::span<const TurnedJoints> joints() const { return joints_; }
 

@@ -29,17 +29,21 @@ Turning::Matrix3 joint_order(const Turning::Vector& g, const Turning::Vector& h,
 
 }  // namespace
 
-void MidpointStep::turn_ends() {
-    const Mechanism& m = *mechanism_;
+void MidpointStep::turn_middle() {
     turnings_.clear();
-    std::copy(q2.begin(), q2.begin() + nq_, placed_.begin());
-    for (const Ball& ball : m.balls) {
-        const double *phi = &q2[ball.variable], *start = &q1[ball.quaternion];
-        turnings_.emplace_back(phi);
+    for (const Ball& ball : mechanism_->balls) {
+        turnings_.emplace_back(&q2[ball.variable]);
         std::fill_n(&q_mid_[ball.variable], 3, 0.0);
+        turnings_.back().turn_half(&q1[ball.quaternion], &q_mid_[ball.quaternion]);
+    }
+}
+
+void MidpointStep::turn_ends() {
+    std::copy(q2.begin(), q2.begin() + nq_, placed_.begin());
+    for (std::size_t b = 0; b < turnings_.size(); ++b) {
+        const Ball& ball = mechanism_->balls[b];
         std::fill_n(&placed_[ball.variable], 3, 0.0);
-        turnings_.back().turn_half(start, &q_mid_[ball.quaternion]);
-        turnings_.back().turn_whole(start, &placed_[ball.quaternion]);
+        turnings_[b].turn_whole(&q1[ball.quaternion], &placed_[ball.quaternion]);
         std::copy_n(&placed_[ball.quaternion], 4, &q2[ball.quaternion]);
     }
 }
@@ -52,6 +56,8 @@ void MidpointStep::turn_residual() {
         raw_end_[i] = p2[i];
     }
     turn_rows(residual.data(), p2.data(), nd_);
+    std::copy(residual.begin(), residual.begin() + nd_, turned_start_.begin());
+    std::copy(p2.begin(), p2.end(), turned_end_.begin());
     for (int i = 0; i < nd_; ++i) residual[i] += p1[i];
 }
 
@@ -76,18 +82,13 @@ void MidpointStep::make_bends() {
         if (ball.prescribed) continue;
         const double *start = &raw_start_[ball.variable], *end = &raw_end_[ball.variable];
         const Vec3<double> from{start[0], start[1], start[2]}, to{end[0], end[1], end[2]};
-        bends_[b] = by_ends(turnings_[b].bend(from + to, 0.5 * (to - from)));
+        bends_[b] = turnings_[b].bend(from + to, 0.5 * (to - from));
     }
 }
 
-void MidpointStep::add_bends() {
+void MidpointStep::set_bends() {
     make_bends();
-    for (std::size_t b = 0; b < turnings_.size(); ++b) {
-        const int at = mechanism_->balls[b].variable;
-        if (at >= nd_) continue;
-        for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j) newton_.M[(at + i) * newton_.stride + at + j] += bends_[b].ab(i, j);
-    }
+    for (std::size_t b = 0; b < turnings_.size(); ++b) turned_middle_.set_own(b, bends_[b], 1.0);
 }
 
 void MidpointStep::make_ball_turns(double dt) {
@@ -97,21 +98,14 @@ void MidpointStep::make_ball_turns(double dt) {
         if (at >= nd_) continue;
         const Turning::Matrix6& by = turned_middle_.by_ends(b);
         const double *g = &kernel_slopes_[at], *h = &lagrangian_.L_v[at];
-        ball_turns_[b] = {&by, bends_[b].ab + dt * joint_order({g[0], g[1], g[2]}, {h[0], h[1], h[2]}, v_[at + 1], by)};
+        ball_turns_[b] = {
+            &by, by_ends(bends_[b]).ab + dt * joint_order({g[0], g[1], g[2]}, {h[0], h[1], h[2]}, v_[at + 1], by)};
     }
 }
 
-// And half the commutator, u x v of each end.
-Turning::Matrix6 MidpointStep::own_bend(std::size_t b) const {
-    const int at = mechanism_->balls[b].variable;
-    double rows[6];
-    std::copy_n(&raw_start_[at], 3, rows);
-    std::copy_n(&raw_end_[at], 3, rows + 3);
-    turnings_[b].turn_rows(rows, rows + 3);
-    Turning::Matrix6 out = bends_[b];
-    out.aa = out.aa + 0.5 * crossing({rows[0], rows[1], rows[2]});
-    out.bb = out.bb + 0.5 * crossing({rows[3], rows[4], rows[5]});
-    return out;
+std::pair<Vec3<double>, Vec3<double>> MidpointStep::turned_rows(const Ball& ball) const {
+    const double *start = &turned_start_[ball.variable], *end = &turned_end_[ball.variable];
+    return {{start[0], start[1], start[2]}, {end[0], end[1], end[2]}};
 }
 
 const PairDerivatives& MidpointStep::kernel_pairs() {

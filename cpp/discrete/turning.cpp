@@ -127,9 +127,17 @@ void rotation_between(const double* a, const double* b, double* out) {
     const double v[3] = {a[0] * b[1] - a[1] * b[0] - a[2] * b[3] + a[3] * b[2],
                          a[0] * b[2] - a[2] * b[0] - a[3] * b[1] + a[1] * b[3],
                          a[0] * b[3] - a[3] * b[0] - a[1] * b[2] + a[2] * b[1]};
-    const double sine = std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]), cosine = std::abs(w);
-    double f = sine < 1e-8 ? 2.0 / cosine : 2.0 * std::atan2(sine, cosine) / sine;
-    if (w < 0) f = -f;  // the shorter way
+    const double square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2], y = square / (w * w);
+    double f;  // 2 atan(x)/x / w with x^2 = y, the shorter way
+    if (y < 1.0 / 64.0) {
+        constexpr double series[]{1.0, 1.0 / 3.0, 1.0 / 5.0, 1.0 / 7.0, 1.0 / 9.0, 1.0 / 11.0, 1.0 / 13.0, 1.0 / 15.0};
+        double sum = 1.0 / 17.0;
+        for (int k = 7; k >= 0; --k) sum = series[k] - sum * y;
+        f = 2.0 * sum / w;
+    } else {
+        const double sine = std::sqrt(square);
+        f = std::copysign(2.0 * std::atan2(sine, std::abs(w)) / sine, w);
+    }
     for (int i = 0; i < 3; ++i) out[i] = f * v[i];
 }
 

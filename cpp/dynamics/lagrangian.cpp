@@ -37,6 +37,20 @@ Inertia<double> moved(const Inertia<double>& a, const Pose<double>& pose) {
     return out;
 }
 
+// of.by'm and m of.by.
+SmallMatrix<6> turned_rows(const TurnedJoints& of, const SmallMatrix<6>& m) {
+    const SmallMatrix<6>& by = of.by;
+    if (!of.keeps_q) return transposed_product(by, m);
+    return {m.aa + transposed_product(by.ba, m.ba), m.ab + transposed_product(by.ba, m.bb),
+            transposed_product(by.ab, m.aa) + transposed_product(by.bb, m.ba),
+            transposed_product(by.ab, m.ab) + transposed_product(by.bb, m.bb)};
+}
+SmallMatrix<6> turned_columns(const SmallMatrix<6>& m, const TurnedJoints& of) {
+    const SmallMatrix<6>& by = of.by;
+    if (!of.keeps_q) return m * by;
+    return {m.aa + m.ab * by.ba, m.aa * by.ab + m.ab * by.bb, m.ba + m.bb * by.ba, m.ba * by.ab + m.bb * by.bb};
+}
+
 // Whether a joint is one of the three of a ball.
 bool is_of_ball(const Mechanism& m, int joint) {
     for (int first = joint; first >= 0 && first > joint - 3; --first)
@@ -278,10 +292,10 @@ void Lagrangian<T>::turned_products(std::span<const TurnedJoints> turned)
     own_.clear();
     for (const TurnedJoints& of : turned) {
         // W'HW with H symmetric, and of duals W'DW + F'HW + W'HF.
-        SmallMatrix<6> halves = transposed_product(of.by, 0.5 * own_products(of.joint, false));
+        SmallMatrix<6> halves = turned_rows(of, 0.5 * own_products(of.joint, false));
         if (parts > 1) halves = halves + transposed_product(of.along, own_products(of.joint, true));
-        const SmallMatrix<6> half = halves * of.by;
-        own_.push_back(half + transposed(half));
+        const SmallMatrix<6> half = turned_columns(halves, of);
+        own_.push_back(of.own + half + transposed(half));
         turn(of);
     }
     for (int i = 0; i < n; ++i) {

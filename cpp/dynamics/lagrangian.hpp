@@ -36,14 +36,16 @@ struct PairDerivatives {
 };
 
 // Three joints in a row, from `joint` on, whose coordinates and rates (rows) are functions of three other coordinates and
-// rates, by which second derivatives are taken instead; of duals also how that changes along their direction. Then
+// rates, by which second derivatives are taken instead; of duals also how that changes along their direction; and what their own
+// second derivatives have besides. Then
 //
 //   S' = S v_v - W q_v,   W' = W q_q - S v_q,   A' = A v_v + B q_v,   B' = B q_q + A v_q,
 //
 // and of L_qq, q_v, v_q and vv the terms -A_i.G_j are with A and G times q_q or q_v.
 struct TurnedJoints {
     int joint;
-    SmallMatrix<6> by, along;
+    bool keeps_q;  // by.aa is the identity
+    SmallMatrix<6> by, along, own;
 };
 
 // The vectors above of one joint, component by component; G as [w x g; 0].
