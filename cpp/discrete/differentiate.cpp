@@ -115,12 +115,13 @@ void FirstOrder::add_balls(const MidpointStep& step) {
         }
         // Half the commutator: X_u of the row of v, by u x v of each end.
         const auto [start, end] = step.turned_rows(ball);
-        const Turning::Matrix3 at_start = crossing(0.5 * start), at_end = crossing(0.5 * end);
-        for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j) {
-                Y[(at + i) * ld + at + j] -= at_start(i, j);
-                G_y(at + i, at + j) += at_end(i, j);
-            }
+        const auto add_crossing = [&](int i, int j, double at_start, double at_end) {
+            Y[(at + i) * ld + at + j] += 0.5 * at_start, Y[(at + j) * ld + at + i] -= 0.5 * at_start;
+            G_y(at + i, at + j) -= 0.5 * at_end, G_y(at + j, at + i) += 0.5 * at_end;
+        };
+        add_crossing(0, 1, start.z, end.z);
+        add_crossing(1, 2, start.x, end.x);
+        add_crossing(2, 0, start.y, end.y);
         if (nc == 0 && mechanism.instant_forces.empty()) continue;
         Eigen::Vector3d slope = Eigen::Vector3d::Zero();
         for_each_entry(mechanism.instant_forces, step.instant(), force_, [&](int i, double f) {

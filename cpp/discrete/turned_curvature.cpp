@@ -106,7 +106,7 @@ void SecondOrder::add_turned_potential(const ConfigurationFunction& potential) {
 // Of forces of balls that are no second derivatives with the field held.
 void SecondOrder::add_turned_forces(double dt) {
     const Mechanism& m = mechanism_;
-    if (m.damping.empty() && m.joint_forces.empty() && m.forces.empty()) return;
+    if (!m.has_elements_at_middle()) return;
     Turned& t = *turned_;
     for (auto* a : {&t.force, &t.by_q, &t.by_v}) std::fill(a->begin(), a->end(), 0.0);
     // As one row at the middle, for each second: the field of duals is that of dt L.

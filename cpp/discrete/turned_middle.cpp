@@ -11,7 +11,7 @@ TurnedMiddle::TurnedMiddle(const Mechanism& m) : mechanism_(m), ball_of_(m.n_var
         std::fill_n(&ball_of_[m.balls[b].variable], 3, static_cast<int>(b));
         const bool massive = m.balls[b].joint < m.n_massive;
         place_in_joints_.push_back(massive ? static_cast<int>(joints_.size()) : -1);
-        if (massive) joints_.push_back({m.balls[b].joint, !m.balls[b].prescribed, {}, {}, {}});
+        if (massive) joints_.push_back({m.balls[b].joint, !m.balls[b].prescribed, nullptr, nullptr, {}});
     }
 }
 
@@ -29,16 +29,15 @@ Matrix6 TurnedMiddle::scaled(const Matrix6& by_middle) const {
 void TurnedMiddle::set_balls(const std::vector<Turning>& turnings) {
     for (std::size_t b = 0; b < balls_.size(); ++b) {
         const Ball& ball = mechanism_.balls[b];
-        const Matrix6 by = scaled(ball.prescribed ? GivenTurning(turnings[b].phi()).slope() : turnings[b].slope());
-        balls_[b].middle.set(ball.variable, by);
-        if (place_in_joints_[b] >= 0) joints_[place_in_joints_[b]].by = by;
+        const Matrix6& by = balls_[b].middle.set(
+            ball.variable, scaled(ball.prescribed ? GivenTurning(turnings[b].phi()).slope() : turnings[b].slope()));
+        if (place_in_joints_[b] >= 0) joints_[place_in_joints_[b]].by = &by;
     }
 }
 
 void TurnedMiddle::set_field(std::size_t ball, const Matrix6& slope) {
-    const Matrix6 along = scaled(slope);
-    balls_[ball].field.set(mechanism_.balls[ball].variable, along);
-    if (place_in_joints_[ball] >= 0) joints_[place_in_joints_[ball]].along = along;
+    const Matrix6& along = balls_[ball].field.set(mechanism_.balls[ball].variable, scaled(slope));
+    if (place_in_joints_[ball] >= 0) joints_[place_in_joints_[ball]].along = &along;
 }
 
 bool TurnedMiddle::set_own(std::size_t ball, const Matrix6& bend, double factor) {

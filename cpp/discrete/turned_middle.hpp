@@ -36,6 +36,8 @@ void spread(const Middle& middle, int i, double by_q, double by_v, const F& f) {
 class TurnedMiddle {
 public:
     explicit TurnedMiddle(const Mechanism& mechanism);
+    TurnedMiddle(const TurnedMiddle&) = delete;  // its joints point into it
+    TurnedMiddle& operator=(const TurnedMiddle&) = delete;
 
     // For a step in which the balls turn so.
     void set(const std::vector<Turning>& turnings, double dt) {
@@ -44,13 +46,13 @@ public:
         if (turns()) set_balls(turnings);
     }
     bool turns() const { return !balls_.empty(); }
-    // Calls f with this, or a PlainMiddle where nothing turns: asked once for all that is done there.
+    // Calls f, which does what elements at the middle do, with this, or a PlainMiddle where nothing turns: asked once for all.
     template <class F>
     void visit(const F& f) const {
-        if (turns())
-            visit_turned(f);
-        else
+        if (!turns())
             f(PlainMiddle{rate_});
+        else if (mechanism_.has_elements_at_middle())
+            visit_turned(f);
     }
     // The derivatives by (s, d) of the field of a ball, where duals are taken along it (0 before).
     void set_field(std::size_t ball, const Turning::Matrix6& slope);
@@ -93,10 +95,10 @@ private:
     // By (s, d/dt), and by the ends where these are asked for.
     class Slopes {
     public:
-        void set(int variable, const Matrix6& of) {
+        const Matrix6& set(int variable, const Matrix6& of) {
             ends_.first = variable;
-            of_ = of;
             made_ = false;
+            return of_ = of;
         }
         const Ends& ends(double rate) const {
             if (!made_) make(rate);

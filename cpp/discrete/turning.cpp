@@ -127,13 +127,13 @@ void rotation_between(const double* a, const double* b, double* out) {
     const double v[3] = {a[0] * b[1] - a[1] * b[0] - a[2] * b[3] + a[3] * b[2],
                          a[0] * b[2] - a[2] * b[0] - a[3] * b[1] + a[1] * b[3],
                          a[0] * b[3] - a[3] * b[0] - a[1] * b[2] + a[2] * b[1]};
-    const double square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2], y = square / (w * w);
-    double f;  // 2 atan(x)/x / w with x^2 = y, the shorter way
+    const double square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2], per_w = 1.0 / w, y = square * per_w * per_w;
+    double f = 2.0 * per_w;  // times atan(x)/x with x^2 = y, the shorter way
     if (y < 1.0 / 64.0) {
-        constexpr double series[]{1.0, 1.0 / 3.0, 1.0 / 5.0, 1.0 / 7.0, 1.0 / 9.0, 1.0 / 11.0, 1.0 / 13.0, 1.0 / 15.0};
-        double sum = 1.0 / 17.0;
-        for (int k = 7; k >= 0; --k) sum = series[k] - sum * y;
-        f = 2.0 * sum / w;
+        const double yy = y * y;
+        const double even = 1.0 + yy * (1.0 / 5.0 + yy * (1.0 / 9.0 + yy * (1.0 / 13.0 + yy * (1.0 / 17.0))));
+        const double odd = 1.0 / 3.0 + yy * (1.0 / 7.0 + yy * (1.0 / 11.0 + yy * (1.0 / 15.0)));
+        f *= even - y * odd;
     } else {
         const double sine = std::sqrt(square);
         f = std::copysign(2.0 * std::atan2(sine, std::abs(w)) / sine, w);

@@ -39,16 +39,24 @@ Inertia<double> moved(const Inertia<double>& a, const Pose<double>& pose) {
 
 // of.by'm and m of.by.
 SmallMatrix<6> turned_rows(const TurnedJoints& of, const SmallMatrix<6>& m) {
-    const SmallMatrix<6>& by = of.by;
+    const SmallMatrix<6>& by = *of.by;
     if (!of.keeps_q) return transposed_product(by, m);
-    return {m.aa + transposed_product(by.ba, m.ba), m.ab + transposed_product(by.ba, m.bb),
-            transposed_product(by.ab, m.aa) + transposed_product(by.bb, m.ba),
-            transposed_product(by.ab, m.ab) + transposed_product(by.bb, m.bb)};
+    SmallMatrix<6> out{m.aa, m.ab, transposed_product(by.ab, m.aa), transposed_product(by.ab, m.ab)};
+    add_transposed_product(out.aa, by.ba, m.ba);
+    add_transposed_product(out.ab, by.ba, m.bb);
+    add_transposed_product(out.ba, by.bb, m.ba);
+    add_transposed_product(out.bb, by.bb, m.bb);
+    return out;
 }
 SmallMatrix<6> turned_columns(const SmallMatrix<6>& m, const TurnedJoints& of) {
-    const SmallMatrix<6>& by = of.by;
+    const SmallMatrix<6>& by = *of.by;
     if (!of.keeps_q) return m * by;
-    return {m.aa + m.ab * by.ba, m.aa * by.ab + m.ab * by.bb, m.ba + m.bb * by.ba, m.ba * by.ab + m.bb * by.bb};
+    SmallMatrix<6> out{m.aa, m.aa * by.ab, m.ba, m.ba * by.ab};
+    add_product(out.aa, m.ab, by.ba);
+    add_product(out.ab, m.ab, by.bb);
+    add_product(out.ba, m.bb, by.ba);
+    add_product(out.bb, m.bb, by.bb);
+    return out;
 }
 
 // Whether a joint is one of the three of a ball.
@@ -293,7 +301,7 @@ void Lagrangian<T>::turned_products(std::span<const TurnedJoints> turned)
     for (const TurnedJoints& of : turned) {
         // W'HW with H symmetric, and of duals W'DW + F'HW + W'HF.
         SmallMatrix<6> halves = turned_rows(of, 0.5 * own_products(of.joint, false));
-        if (parts > 1) halves = halves + transposed_product(of.along, own_products(of.joint, true));
+        if (parts > 1) halves = halves + transposed_product(*of.along, own_products(of.joint, true));
         const SmallMatrix<6> half = turned_columns(halves, of);
         own_.push_back(of.own + half + transposed(half));
         turn(of);
@@ -301,7 +309,11 @@ void Lagrangian<T>::turned_products(std::span<const TurnedJoints> turned)
     for (int i = 0; i < n; ++i) {
         const auto path = mechanism_.path[i];
         const bool by_itself = path.size() <= 3 && mechanism_.joints[path.front()].quaternion >= 0;
-        if (!by_itself) pair_products<true>(i);
+        if (by_itself) continue;
+        if (i < turned.front().joint)
+            pair_products<false>(i);
+        else
+            pair_products<true>(i);
     }
     for (std::size_t b = 0; b < turned.size(); ++b)
         for (int i = 0; i < 3; ++i)
@@ -363,8 +375,10 @@ void Lagrangian<T>::turn(const TurnedJoints& of)
         void add(const SmallMatrix<6>& by, const double* of_x, const double* of_y, double sign, std::size_t apart) {
             for (int l = 0; l < 3; ++l) {
                 const double from_x = of_x[l * apart], from_y = sign * of_y[l * apart];
-                x += from_x * by.bb.rows[l] + from_y * by.ab.rows[l];
-                y += from_y * by.aa.rows[l] + from_x * by.ba.rows[l];
+                x += from_x * by.bb.rows[l];
+                x += from_y * by.ab.rows[l];
+                y += from_y * by.aa.rows[l];
+                y += from_x * by.ba.rows[l];
             }
         }
     };
@@ -382,8 +396,8 @@ void Lagrangian<T>::turn(const TurnedJoints& of)
         for (int part = parts - 1; part >= 0; --part)
             for (int c = 0; c < 6; ++c)
                 change(part, c, [&](const auto& add) {
-                    add(of.by, part);
-                    if (part > 0) add(of.along, 0);
+                    add(*of.by, part);
+                    if (part > 0) add(*of.along, 0);
                 });
     };
     const auto put = [](const Row& of, double* to, std::size_t apart) {

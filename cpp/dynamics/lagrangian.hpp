@@ -45,7 +45,8 @@ struct PairDerivatives {
 struct TurnedJoints {
     int joint;
     bool keeps_q;  // by.aa is the identity
-    SmallMatrix<6> by, along, own;
+    const SmallMatrix<6>*by, *along;
+    SmallMatrix<6> own;
 };
 
 // The vectors above of one joint, component by component; G as [w x g; 0].

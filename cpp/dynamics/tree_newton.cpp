@@ -147,12 +147,17 @@ void TreeNewton::load_ball(const Lagrangian<double>& lagrangian, int joint, doub
         for (int l = 0; l < 3; ++l) {
             const Pairs& of = pairs[l];
             const double x_start = by.aa(l, k), n_start = by.ba(l, k), x_end = by.ab(l, k), n_end = by.bb(l, k);
-            start += n_start * of.SS - x_start * of.WW;
-            end += n_end * of.SS - x_end * of.WW;
+            // Product by product: of two at once only one would be added as it is made.
+            start += n_start * of.SS;
+            start -= x_start * of.WW;
+            end += n_end * of.SS;
+            end -= x_end * of.WW;
             of_start += x_start * of.G;
             of_end += x_end * of.G;
-            row += x_start * of.row + n_start * of.A;
-            column += x_end * of.column + n_end * of.A;
+            row += x_start * of.row;
+            row += n_start * of.A;
+            column += x_end * of.column;
+            column += n_end * of.A;
         }
         at[k].c = up * start;
         at[k].b = down * end;

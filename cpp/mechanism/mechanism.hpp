@@ -95,6 +95,9 @@ public:
     std::vector<std::shared_ptr<const GeneralizedForce>> forces;
     std::vector<std::pair<int, int>> damping;       // f_i = -c v_i: variable, slot of c
     std::vector<std::pair<int, int>> joint_forces;  // f_i = u_a: variable, input
+    bool has_elements_at_middle() const {           // of a step, where potentials and these act
+        return !potentials.empty() || !forces.empty() || !damping.empty() || !joint_forces.empty();
+    }
     // Of a mechanism as it was built none of these; see at_instants().
     std::vector<std::shared_ptr<const GeneralizedForce>> instant_forces;
     std::vector<std::pair<int, int>> instant_joint_forces;

@@ -43,6 +43,15 @@ inline SmallMatrix<3> transposed_product(const SmallMatrix<3>& a, const SmallMat
     for (int i = 0; i < 3; ++i) out.rows[i] = a(0, i) * b.rows[0] + a(1, i) * b.rows[1] + a(2, i) * b.rows[2];
     return out;
 }
+// Product by product, each added as it is made.
+inline void add_product(SmallMatrix<3>& to, const SmallMatrix<3>& a, const SmallMatrix<3>& b) {
+    for (int i = 0; i < 3; ++i)
+        for (int k = 0; k < 3; ++k) to.rows[i] += a(i, k) * b.rows[k];
+}
+inline void add_transposed_product(SmallMatrix<3>& to, const SmallMatrix<3>& a, const SmallMatrix<3>& b) {
+    for (int i = 0; i < 3; ++i)
+        for (int k = 0; k < 3; ++k) to.rows[i] += a(k, i) * b.rows[k];
+}
 inline SmallMatrix<3> transposed(const SmallMatrix<3>& a) {
     using Row = SmallMatrix<3>::Row;
     return {{Row{a(0, 0), a(1, 0), a(2, 0), 0.0}, Row{a(0, 1), a(1, 1), a(2, 1), 0.0},
