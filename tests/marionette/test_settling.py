@@ -10,7 +10,7 @@ import pytest
 
 from leastaction.models.marionette import marionette
 from leastaction.numerics import Array
-from leastaction.optimal import OptimizationResult, Optimizer
+from leastaction.optimal import OptimizationResult, Optimizer, Status
 from leastaction_marionette import FORCED, PuppetLimits, TrackingRun, track, walk_in_place
 from leastaction_marionette.tracking import settle
 from leastaction_marionette.tracking.plan import Curve, TrackingPlan
@@ -74,3 +74,22 @@ def test_what_was_tied_loosely_is_settled_nearby(run: TrackingRun, monkeypatch: 
     moved: Array = found[0][:, plan.columns] - near.x[:, : plan.mechanism.nq]
     assert 1e-6 < np.abs(moved).max() < 0.02
     assert settle.broken_by(plan, *found) == frozenset()
+
+
+def test_one_interrupt_ends_all_rounds(run: TrackingRun, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was found until then goes on rods."""
+    plan, near = loose(run)
+    rounds = list[OptimizationResult]()
+
+    class Interrupted(Optimizer):
+        def run(self, *given: Any, **named: Any) -> OptimizationResult:
+            found = super().run(*given, **named)
+            if self.system is not plan.system:
+                return found
+            rounds.append(replace(found, status=Status.INTERRUPTED))
+            return rounds[-1]
+
+    monkeypatch.setattr(settle, "Optimizer", Interrupted)
+    monkeypatch.setattr(settle, "_EXACT", 0.0)
+    settle.settled(plan, near)
+    assert len(rounds) == 1

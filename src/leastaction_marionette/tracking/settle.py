@@ -106,6 +106,8 @@ def settled(plan: TrackingPlan, near: OptimizationResult) -> Curve | None:
                 tolerance=_TOLERANCE,
                 max_iterations=_ITERATIONS,
             ).run(found)
+            if found.status is Status.INTERRUPTED:  # it goes on rods as far as it has come
+                break
             before, off = np.abs(off), ties.off(found.x)
             if np.abs(off).max() < _EXACT:
                 motion = _on_rods(plan, found)
