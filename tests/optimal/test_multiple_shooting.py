@@ -462,8 +462,8 @@ def test_the_automatic_choice_takes_gaps_within_limits(bounded, part):
         given.system, given.cost, initial=(given.x, given.u), limits=limits, callback=records.append
     )  # fmt: skip
     assert result.status is Status.CONVERGED
-    assert records[0].note == "begins with gaps between its steps, as its projection is lost"
-    assert result.iterations < 50
+    assert any("began again, with gaps" in record.note for record in records)
+    assert result.iterations < 150
     best = optimize(given.system, given.cost, initial=(given.x, given.u), limits=limits, shooting="multiple")
     assert result.cost == pytest.approx(best.cost, rel=1e-8)
 

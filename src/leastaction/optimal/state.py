@@ -28,11 +28,12 @@ class Place(Frozen):
 class Start(Frozen):
     """What a run began with: ``x`` (N+1, nx) or an initial state (nx,), and ``u`` (N, nu).
 
-    ``was_found``: whether it is that of an earlier result.
+    ``is_lost``: whether x is a curve whose projection diverged. ``was_found``: whether it is that of an earlier result.
     """
 
     x: Array
     u: Array
+    is_lost: bool = False
     was_found: bool = False
 
 

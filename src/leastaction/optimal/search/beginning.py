@@ -98,7 +98,11 @@ class Beginning:
         if self.gapped != "at once":
             try:
                 self.parts.stand_at(x, u)
-                if not (self._is_lost(x, u) or (self.gapped == "where left" and self._has_left(x))):
+                lost = self._is_lost(x, u)
+                self.remember(given=changed(given, is_lost=lost))
+                # Within limits gaps close by short steps, as the first barriers leave them little room.
+                at_once = lost and self.parts.barrier is None
+                if not (at_once or (self.gapped == "where left" and self._has_left(x))):
                     return
             except ProjectionError as error:
                 failure = error
@@ -276,6 +280,8 @@ class Beginning:
             if given is not None:
                 self.parts.stand_at(given.x, given.u)
         except LeastActionError:
+            if given is not None and given.x.ndim == 1:  # inputs that cannot be simulated are no start
+                raise
             return False
         return given is not None
 

@@ -34,7 +34,7 @@ _MOST = 300  # iterations that each attempt for unmet limits may take
 # that has shrunk to less than a part of the given one, else the first.
 _LONGER, _SHRUNK = (10.0, 100.0, 1000.0), 0.1
 _DEARER = 20.0  # price of violating a limit at a single instant in these attempts, over that before
-_LONG = 200  # iterations after which a run is long
+_LONG, _LONG_IF_LOST = 200, 100  # iterations after which a run is long; within limits, from a curve that was lost
 _BRIEF = 40  # most iterations with gaps where most of the first steps had to be shortened: other ways are left
 
 
@@ -51,9 +51,17 @@ def _applies(run: Run, outcome: Outcome | None) -> bool:
     # Steps that barriers shorten are no sign of a violent motion.
     if run.history.iterations == FIRST_STEPS:
         return run.began_with_short_steps and problem.parts.barrier is None
-    if run.history.iterations != _LONG or problem.parts.barrier is not None or problem.beginning.begun.given is None:
+    return _is_long(run, problem) and not (run.began_again or run.creeps)
+
+
+def _is_long(run: Run, problem: DiscreteProblem) -> bool:
+    """Whether a run over trajectories has lasted long; within limits only of a curve whose projection is lost."""
+    given, within_limits = problem.beginning.begun.given, problem.parts.barrier is not None
+    if given is None or problem.parts.here.is_open or problem.parts.ease != 1.0:
         return False
-    return not (problem.parts.here.is_open or problem.parts.ease != 1.0 or run.began_again or run.creeps)
+    if within_limits:
+        return given.is_lost and run.history.iterations == _LONG_IF_LOST
+    return run.history.iterations == _LONG
 
 
 def _is_unmet(run: Run, outcome: Outcome | None) -> bool:
@@ -123,4 +131,4 @@ def _dearer(problem: DiscreteProblem, more: list[Rows], gapped: Gapped) -> Discr
     return problem.related([*parts.rows, *more], gapped=gapped, dearer=dearer, max_iterations=_MOST)
 
 
-GAPS = Way("gaps", _applies, _begin, ahead=(FIRST_STEPS, _LONG))
+GAPS = Way("gaps", _applies, _begin, ahead=(FIRST_STEPS, _LONG_IF_LOST, _LONG))
