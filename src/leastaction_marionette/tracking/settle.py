@@ -22,7 +22,6 @@ from leastaction.models.marionette import string_lengths
 from leastaction.numerics import Array
 from leastaction.optimal import OptimizationResult, Optimizer, QuadraticCost, Status, regulate
 from leastaction.systems import DistanceCost, MidpointSystem
-from leastaction_marionette.tracking.limits import KINDS
 from leastaction_marionette.tracking.plan import Curve, TrackingPlan
 
 _BY_TENSION, _BY_POSE, _BY_PLACE, _BY_MOMENTUM = 1e-4, 1.0, 1.0, 1e-3  # prices of changes
@@ -100,7 +99,7 @@ def settled(plan: TrackingPlan, near: OptimizationResult) -> Curve | None:
             found = Optimizer(
                 system,
                 DistanceCost(changed, system, ties.pairs, ties.lengths - missed, weights),
-                inside.of(m, plan.problem.pelvis, KINDS),
+                inside.of(m, plan.problem.pelvis),
                 free_start=m.coordinates,
                 method="quasi-newton",
                 tolerance=_TOLERANCE,

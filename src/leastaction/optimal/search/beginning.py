@@ -276,14 +276,15 @@ class Beginning:
     def _stands_at_given(self) -> bool:
         """Stand at the projection of the given start; whether there is one."""
         given = self.begun.given
+        if given is None:
+            return False
         try:
-            if given is not None:
-                self.parts.stand_at(given.x, given.u)
+            self.parts.stand_at(given.x, given.u)
         except LeastActionError:
-            if given is not None and given.x.ndim == 1:  # inputs that cannot be simulated are no start
+            if given.x.ndim == 1:  # inputs that cannot be simulated are no start
                 raise
             return False
-        return given is not None
+        return True
 
     def leave_gaps(self) -> bool:
         """Go on over trajectories, where the gaps are closed or cannot be; whether it is where they led.

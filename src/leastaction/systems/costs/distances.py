@@ -72,8 +72,7 @@ class DistanceCost(CostOfConfigurations):
 
     def _prices(self, q: Array, start: int) -> Array:
         rows = slice(start, start + len(q))
-        wanted = self._wanted[rows]
-        off = (np.sum(self._points().apart(q) ** 2, axis=2) - wanted**2) / (2.0 * wanted)
+        off = self._off(self._points().apart(q), rows)
         return np.asarray(0.5 * np.sum(self._weights[rows] * off**2, axis=1))
 
     def _slopes(self, q: Array) -> Array:
@@ -95,8 +94,12 @@ class DistanceCost(CostOfConfigurations):
 
     def _pulls(self, apart: Array) -> Array:
         """Return what pairs are pulled together with, by how far they are apart (N+1, P, 3), in parts of that."""
-        off = (np.sum(apart**2, axis=2) - self._wanted**2) / (2.0 * self._wanted)
-        return np.asarray(self._weights * off / self._wanted)
+        return np.asarray(self._weights * self._off(apart, slice(None)) / self._wanted)
+
+    def _off(self, apart: Array, rows: slice) -> Array:
+        """Return what pairs are off by at some instants, by how far they are apart (n, P, 3): (n, P)."""
+        wanted = self._wanted[rows]
+        return np.asarray((np.sum(apart**2, axis=2) - wanted**2) / (2.0 * wanted))
 
     def _points(self) -> MovedPoints:
         return MovedPoints.of(self.system.mechanism, self._ends)
