@@ -15,7 +15,7 @@ SecondOrder::SecondOrder(const Mechanism& mechanism, Split split)
       nc_(mechanism.n_constraints()),
       n_theta_(nq_ + nd_ + mechanism.n_controls()),
       at_rho2_(nq_ + nd_ + nu_),
-      dual_(mechanism),
+      dual_(mechanism, true),
       at_middle_(mechanism),
       at2_(mechanism),
       dual_at1_(mechanism),
@@ -50,7 +50,7 @@ void SecondOrder::hessian(double dt, const FirstOrder& first) {
     begin_middle(dt);
     evaluate_along(dt);
     if (!turned_) add_lagrangian(dt);
-    add_potentials();
+    add_potentials(dt);
     add_forces(dt);
     if (turned_) {  // of whose own second derivatives some are of what elements do
         add_bends(dt);
@@ -111,10 +111,12 @@ void SecondOrder::add_lagrangian(double dt) {
 }
 
 // Of the potentials -dt V in mu.F + w_p.G, along the dq of the Lagrangian: the same in all three places.
-void SecondOrder::add_potentials() {
+void SecondOrder::add_potentials(double dt) {
     const Mechanism& m = mechanism_;
     if (m.potentials.empty()) return;
-    place(m.massless_joints_seen, dual_q_.data(), dual_.at);
+    Placement<Dual<double>>& at = turned_ ? *chart_middle_ : dual_.at;
+    at.time = dual_.at.time;
+    place(turned_ ? m.element_joints : m.massless_joints_seen, dual_q_.data(), at);
     turned_middle_.visit([&](const auto& turned) {
         const auto add = [&](int i, int j, const Dual<double>& bend) {
             turned.each_end(i, [&](int k, const ByEnds& of_i) {
@@ -126,8 +128,8 @@ void SecondOrder::add_potentials() {
             });
         };
         for (const auto& potential : m.potentials) {
-            for_each_entry(*potential, dual_.at, dual_q_.data(), dual_local_, add);
-            if (turned_) add_turned_potential(*potential);
+            for_each_entry(*potential, at, dual_q_.data(), dual_local_, add);
+            if (turned_) add_turned_potential(*potential, dt);
         }
     });
 }
@@ -146,7 +148,7 @@ void SecondOrder::begin_middle(double dt) {
 // Of the forces: mu.fd- + w_p.fd+ = (kappa- mu + kappa+ w_p).f at the midpoint, with q = (q1 + q2)/2, v = (q2 - q1)/dt.
 void SecondOrder::add_forces(double dt) {
     const Mechanism& m = mechanism_;
-    if (m.forces.empty() && !turned_) return;
+    if (m.forces.empty() && !(turned_ && m.has_elements_at_middle())) return;
     const int at_u = nq_ + nd_;
     const double time = t + 0.5 * dt;
     turned_middle_.visit([&](const auto& turned) {
@@ -274,7 +276,7 @@ double SecondOrder::by_time_step(double dt, const FirstOrder& first, MidpointSte
         g[i] = w[i] - mu[i];
         c[i] = (km * mu[i] + kp * w[i]) / dt;
     }
-    if (turned_) dual_.hessian();  // in the kernel's coordinates, along a field that is held
+    if (turned_) dual_.hessian();  // by turns of the middle and rates, along a field that is held
     const PairDerivatives &T = dual_.pairs, &L = step.kernel_pairs();
     each_pair(m, T.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
         by_q[i] -= weight * T.q_v[at] * v[j] / dt;
@@ -283,7 +285,12 @@ double SecondOrder::by_time_step(double dt, const FirstOrder& first, MidpointSte
         by_q[j] -= weight * T.v_q[at] * v[i] / dt;
         T_vv_v[j] += weight * T.vv[at] * v[i];
     });
+    if (turned_) L_qv_v_.setZero(nq_);
     each_pair(m, L.stride, [&](int i, int j, std::size_t at, auto weight, bool mirrored) {
+        if (turned_) {
+            L_qv_v_[i] += weight * L.q_v[at] * v[j];
+            if (mirrored) L_qv_v_[j] += weight * L.v_q[at] * v[i];
+        }
         by_q[i] += weight * L.qq[at] * e[j];
         L_vv_g[i] += weight * L.vv[at] * g[j];
         if (!mirrored) return;
@@ -328,12 +335,24 @@ double SecondOrder::by_time_step(double dt, const FirstOrder& first, MidpointSte
             if (i < nd_) by_u[input] += grows * mu_[i] * f_u;
         });
     if (turned_) {
-        changes_.setZero(nq_, 3);
+        changes_.setZero(nq_, 5);
         for (int i = 0; i < nd_; ++i) {
             changes_(i, 0) = dt * slopes.L_q[i] + (km + kp) * slopes.f[i];
             changes_(i, 1) = slopes.L_v[i] + 0.5 * (kp - km) * slopes.f[i];
         }
         for_each_entry(m.instant_forces, step.instant(), force_, [&](int i, double f) { changes_(i, 2) += grows * f; });
+        for (int i = 0; i < nq_; ++i)
+            changes_(i, 3) = step.lagrangian().L_q[i] - dual_.L_q[i].v + (km + kp) * slopes.f[i];
+        changes_.col(4) = by_v_ + (T_vv_v + L_vv_g) / dt;
+        for (const Ball& ball : m.balls) {  // of the bodies, what is by the axes of the middle
+            const auto at = [&](const Vector& of) {
+                return Vec3<double>{of[ball.variable], of[ball.variable + 1], of[ball.variable + 2]};
+            };
+            const Dual<double>* slope = &dual_.L_q[ball.variable];
+            const Vec3<double> more =
+                cross(at(e), Vec3<double>{0.5 * slope[0].v, 0.5 * slope[1].v, 0.5 * slope[2].v} - at(L_qv_v_));
+            by_q.segment<3>(ball.variable) += Eigen::Vector3d(more.x, more.y, more.z);
+        }
     }
     by_y_.setZero(ny, 1);
     const Vector own = Eigen::Map<const NewtonMatrix::Matrix>(slopes.Y.data(), ny, slopes.ld).col(0);

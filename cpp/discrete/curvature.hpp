@@ -68,7 +68,7 @@ private:
     void place_dual_balls();  // in dual_q_ and dual_q1_
     const double* end() const { return turned_ ? turned_end() : q2.data(); }
     const double* turned_end() const;
-    // mu and w_p as directions in the kernel's coordinates, of the first n variables; of others they are zero.
+    // mu and w_p as what q1 and q2 change by, of balls theta -+ phi/2, of the first n variables; of others they are zero.
     struct Directions {
         const double *mu, *w;
         int n;
@@ -77,7 +77,7 @@ private:
         return turned_ ? Directions{mu_z_.data(), w_z_.data(), nq_} : Directions{mu_.data(), w_p.data(), nd_};
     }
     void begin_turned(double dt);
-    void add_turned_potential(const ConfigurationFunction& potential);
+    void add_turned_potential(const ConfigurationFunction& potential, double dt);
     void add_turned_forces(double dt);
     void add_bends(double dt);
     // Around add_constraints(): what it tells of both ends, and what becomes of it.
@@ -107,7 +107,7 @@ private:
     void add_prescribed_turns();
     void evaluate_along(double dt);  // the Lagrangian, in dual_
     void add_lagrangian(double dt);
-    void add_potentials();
+    void add_potentials(double dt);
     void begin_middle(double dt);
     void add_forces(double dt);
     void add_instant_forces();
@@ -144,6 +144,8 @@ private:
     Lagrangian<Dual<double>> dual_;
     Placement<double> at_middle_, at2_;
     Placement<Dual<double>> dual_at1_;
+    std::unique_ptr<Placement<Dual<double>>>
+        chart_middle_;  // for potentials, where balls turn otherwise than they see it
     LocalTaylor<double> local_;
     LocalTaylor<Dual<double>> dual_local_;
     LocalForce<double> force_;
@@ -168,9 +170,11 @@ private:
         }
     };
     AtInstants by_instants_;
-    Eigen::VectorXd g_, at_v_, by_q_, by_v_, T_vv_v_, L_vv_g_;
+    Eigen::VectorXd g_, at_v_, by_q_, by_v_, T_vv_v_, L_vv_g_, L_qv_v_;
     Eigen::MatrixXd by_y_, bent_;
-    Eigen::MatrixXd changes_;  // of the rows of (theta, nu) and of the start, by variable: what turn_changes() reads
+    // What turn_changes() reads, by variable: changes of the rows of (theta, phi) and of the start; and of elements alone those of
+    // theta, and by_v_.
+    Eigen::MatrixXd changes_;
     std::vector<double> moved_;
 };
 

@@ -56,28 +56,12 @@ Jet operator*(const Jet& a, const Jet& b) {
 }
 using Jets = Vec3<Jet>;
 
-// J(theta) near theta = 0 to second order: columns (cy cz, -cy sz, sy), (sz, cz, 0), (0, 0, 1).
-struct Rates {
-    explicit Rates(const Jets& theta)
-        : sy(theta.y.of(0, 1, 0)),
-          cy(theta.y.of(1, 0, -1)),
-          over(theta.y.of(1, 0, 1)),
-          sz(theta.z.of(0, 1, 0)),
-          cz(theta.z.of(1, 0, -1)) {}
-    Jet sy, cy, over, sz, cz;  // over: 1 / cy
-
-    Jets solve(const Jets& w) const {  // J^-1 w
-        const Jet x = (cz * w.x - sz * w.y) * over;
-        return {x, sz * w.x + cz * w.y, w.z - sy * x};
-    }
-};
-
 Jets lifted(const Vec3<double>& a) { return {Jet(a.x), Jet(a.y), Jet(a.z)}; }
 Matrix6 weighted(const Jets& of, const Eigen::Vector3d& g) { return g[0] * of.x.h + g[1] * of.y.h + g[2] * of.z.h; }
 
 // The turn over a part of the step, and its change by (alpha, e) to second order.
 struct GivenPart {
-    Jets phi, turn;
+    Jets turn;
     GivenPart(const Vec3<double>& at, double part) {
         const double zero[4] = {1, 0, 0, 0}, whole[3] = {at.x, at.y, at.z};
         double quaternion[4];
@@ -89,7 +73,6 @@ struct GivenPart {
             each[0]->g[i] = a.x, each[1]->g[i] = a.y, each[2]->g[i] = a.z;
         }
         const Jets change{Jet::variable(3), Jet::variable(4), Jet::variable(5)};
-        phi = lifted(at) + change;
         const Vec3<double> x = part * at;
         const Jets e = part * change, p = lifted(x), across = cross(p, e), twice = cross(p, across);
         double f, f1, g, g1;  // dexp = 1 - f [x] + g [x]^2, by y = x^2
@@ -122,16 +105,6 @@ private:
     }
 };
 
-struct GivenMiddle {
-    Jets theta, nu;
-    explicit GivenMiddle(const Vec3<double>& phi) {
-        const GivenPart half(phi, 0.5);
-        const Jets& a = half.turn;
-        theta = a - 0.5 * Jets{a.z * a.y, -1.0 * (a.z * a.x), a.y * a.x};  // along exp
-        nu = Rates(theta).solve(half.phi);
-    }
-};
-
 // Of (alpha, e) as of (s, d): alpha = s - d/2, e = s + d/2.
 Matrix6 from_given() {
     Matrix6 out;
@@ -153,17 +126,28 @@ Turning::Matrix6 small(const Matrix6& m) {
 
 }  // namespace
 
-Turning::Matrix6 GivenTurning::slope() const {
-    const GivenMiddle at(phi_);
-    Matrix6 out;
-    out << at.theta.x.g.transpose(), at.theta.y.g.transpose(), at.theta.z.g.transpose(), at.nu.x.g.transpose(),
-        at.nu.y.g.transpose(), at.nu.z.g.transpose();
-    return small(out * from_given());
+Turning::Matrix6 GivenTurning::slope(double dt) const {
+    const GivenPart half(phi_, 0.5);
+    Matrix6 out = Matrix6::Zero();
+    out.topRows<3>() << half.turn.x.g.transpose(), half.turn.y.g.transpose(), half.turn.z.g.transpose();
+    out.bottomRightCorner<3, 3>().setIdentity();
+    out *= from_given();
+    out.topRightCorner<3, 3>() *= dt;
+    out.bottomLeftCorner<3, 3>() /= dt;
+    return small(out);
+}
+Matrix6 GivenTurning::turn_bend(const Vec3<double>& g) const {
+    const Matrix6 bend = weighted(GivenPart(phi_, 0.5).turn, {g.x, g.y, g.z});
+    return from_given().transpose() * bend * from_given();
 }
 Turning::Matrix6 GivenTurning::bend(const Vec3<double>& g, const Vec3<double>& h) const {
-    const GivenMiddle at(phi_);
-    const Matrix6 bend = weighted(at.theta, {g.x, g.y, g.z}) + weighted(at.nu, {h.x, h.y, h.z});
-    return small(from_given().transpose() * bend * from_given());
+    const Turning::Matrix6 by = slope(), missing{{}, {}, crossing(0.5 * h), {}},
+                           out = transposed_product(by, missing * by);
+    return small(turn_bend(g)) + out + transposed(out);
+}
+Turning::Matrix6 GivenTurning::bend_of_elements(const Vec3<double>& g, const Vec3<double>& h) const {
+    const OfChart chart(phi_, g, h);
+    return small(turn_bend(chart.by_theta)) + chart.by(slope());
 }
 GivenTurning::Matrix36 GivenTurning::end_slope() const {
     const GivenPart whole(phi_, 1.0);

@@ -29,7 +29,7 @@ MidpointStep::MidpointStep(std::shared_ptr<const Mechanism> mechanism, const Mid
       nd_(mechanism_->n_dynamic),
       nq_(mechanism_->n_variables()),
       nc_(mechanism_->n_constraints()),
-      lagrangian_(*mechanism_),
+      lagrangian_(*mechanism_, true),
       newton_(*mechanism_),
       at1_(*mechanism_),
       at2_(*mechanism_),
@@ -176,7 +176,7 @@ inline void MidpointStep::middle_of(double dt) {
     if (!mechanism_->balls.empty()) turn_middle();
     lagrangian_.at.time = t + 0.5 * dt;
     lagrangian_.gradient(q_mid_.data(), v_.data());
-    if (tree_ && turned_middle_.turns()) keep(lagrangian_.L_q, kernel_slopes_);
+    if (turned_middle_.turns()) keep(lagrangian_.L_q, kernel_slopes_);
     add_elements();
 }
 
@@ -346,7 +346,7 @@ void MidpointStep::list_entries() {
 
 bool MidpointStep::factor_dense(double dt) {
     if (own_entries_.empty()) list_entries();
-    if (turned_middle_.turns()) set_bends();
+    if (turned_middle_.turns()) set_bends(dt);
     lagrangian_.hessian(turned_middle_.joints());
     newton_.clear();
     double* M = newton_.M.data();

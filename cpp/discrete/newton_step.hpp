@@ -119,7 +119,7 @@ public:
     const double* start_gradients() const { return C1_.data(); }
     // Rows of the first n variables, of which balls have theirs by (q1, q2) of the kernel, to turns of the ends.
     void turn_rows(double* start, double* end, int n) const;
-    // After factor_at_solution(): the second derivatives of L, of balls by the ends' turns; those by the kernel's coordinates,
+    // After factor_at_solution(): the second derivatives of L, of balls by the ends' turns; those by turns of the middle and rates,
     // which take their place; the rows of a ball as turns of its start and its end.
     const TurnedMiddle& turned_middle() const { return turned_middle_; }
     const PairDerivatives& pairs() const { return lagrangian_.pairs; }
@@ -161,8 +161,8 @@ private:
     bool refresh(double dt, bool in_tree);
     bool factor_tree(double dt);
     bool factor_dense(double dt);
-    void make_bends();                // of balls
-    void set_bends();                 // for the dense Newton matrix
+    void make_bends(double dt);       // of balls
+    void set_bends(double dt);        // for the dense Newton matrix
     void make_ball_turns(double dt);  // for tree_, with them
     void make_gradients();            // C1_ and C2_, where loops_ made do without
     void make_start_gradients();

@@ -149,10 +149,12 @@ void SecondOrder::by_numbers(double dt, const FirstOrder& first, const MidpointS
         point.gradient(along, by_q_.data(), by_v_.data(), by.q1.data(), by.q2.data(), by.u.data(),
                        by_y_.col(a).data() + nd_);
         if (turned_) {
-            changes_.setZero(nq_, 3);
+            changes_.setZero(nq_, 5);
             point.rows(along, changes_.col(0).data(), changes_.col(1).data(), changes_.col(2).data());
             changes_.col(0) += (km + kp) * changes_.col(1);
             changes_.col(1) *= 0.5 * (kp - km);
+            changes_.col(3) = changes_.col(0);
+            changes_.col(4) = by_v_;
         }
         by_theta(dt, first, a, Y_all.col(a), out + static_cast<std::ptrdiff_t>(a) * n_theta_);
     }

@@ -1,14 +1,18 @@
 // What rotations that are quaternions add to second derivatives of a step.
 //
-// In the kernel's coordinates z = (theta, nu) the rows r(z) of a step are covectors, and the weighted sum is S = r(z).Z(z), with
-// Z = X_w z the field of the weights w = (mu, w_p) as turns of the ends (turning.hpp). So with z' = X z
+// By z = (theta, phi) of a ball, turns of the middle and the rotation vector of the step, the rows r(z) of a step are covectors, and
+// the weighted sum is S = r(z).Z(z), with Z = X_w z the field of the weights w = (mu, w_p) as turns of the ends (turning.hpp). So
+// with z' = X z
 //
 //   X_u X_v S = z'_u' (r.Z)_zz z'_v  [Z held]  +  (X_u Z).(r_z z'_v) + (X_v Z).(r_z z'_u)  +  r.X_u X_v Z  +  (r_z'Z).X_u X_v z,
 //
 // the symmetric part of it: second derivatives along exp. The first three are those of duals along Z, of which z' changes by
-// X_u Z (turned_middle.hpp); the last two are a ball's own. By a number or the time step, a, of which z is none,
+// X_u Z (turned_middle.hpp), but for the order of turns; the last two are a ball's own. By a number or the time step, a, of which z is
+// none,
 //
-//   X_u S_a = (r_a.Z)_z z'_u  [Z held]  +  r_a.X_u Z.
+//   X_u S_a = (r_a.Z)_z z'_u  [Z held]  +  r_a.X_u Z,    (r_a.Z)_theta theta_u = D_u D_Z,
+//
+// where duals along Z in axes that turn have D_Z D_u. So it is with the chart that elements know, but for its changes.
 #include <algorithm>
 
 #include "discrete/curvature.hpp"
@@ -22,13 +26,14 @@ struct SecondOrder::Turned {
     explicit Turned(const Mechanism& m) : end(m.n_coordinates()) {
         turnings.reserve(m.balls.size());
         fields.reserve(m.balls.size());
-        for (auto* a : {&force, &by_q, &by_v, &at_start, &at_end, &along_mu}) a->resize(m.n_variables());
+        for (auto* a : {&of_elements, &by_q, &by_v, &at_start, &at_end, &along_mu}) a->resize(m.n_variables());
         bent.resize(static_cast<std::size_t>(m.n_variables()) * m.n_variables());
     }
     std::vector<double> end;  // q2 as a configuration
     std::vector<Turning> turnings;
     std::vector<TurnedField> fields;
-    std::vector<double> force, by_q, by_v;  // forces of balls, and the weighted sum's derivatives by what these see
+    // Of elements at the middle: dt times their forces, and the weighted sum's derivatives by what they see.
+    std::vector<double> of_elements, by_q, by_v;
     // The slopes of constraints and instant forces at both ends, and their second derivatives at the start: along mu, and by
     // variable in rows.
     std::vector<double> at_start, at_end, along_mu, bent;
@@ -37,6 +42,7 @@ struct SecondOrder::Turned {
 void SecondOrder::begin_balls() {
     if (mechanism_.balls.empty()) return;
     turned_ = std::make_shared<Turned>(mechanism_);
+    if (!mechanism_.potentials.empty()) chart_middle_ = std::make_unique<Placement<Dual<double>>>(mechanism_);
     prescribed_turns_ = std::ranges::any_of(mechanism_.balls, &Ball::prescribed);
 }
 const double* SecondOrder::turned_end() const { return turned_->end.data(); }
@@ -78,20 +84,23 @@ void SecondOrder::begin_turned(double dt) {
             w = {w_p[at], w_p[at + 1], w_p[at + 2]};
         }
         const TurnedField& field = t.fields.emplace_back(turning, mu, w);
-        const Vector half_nu = 0.5 * field.nu(), start = field.theta() - half_nu, end = field.theta() + half_nu;
+        const Vector half = 0.5 * field.phi(), start = field.theta() - half, end = field.theta() + half;
         mu_z_[at] = start.x, mu_z_[at + 1] = start.y, mu_z_[at + 2] = start.z;
         w_z_[at] = end.x, w_z_[at + 1] = end.y, w_z_[at + 2] = end.z;
     }
     turned_middle_.set(t.turnings, dt);
-    for (std::size_t b = 0; b < t.fields.size(); ++b) turned_middle_.set_field(b, dt * t.fields[b].slope());
+    for (std::size_t b = 0; b < t.fields.size(); ++b) turned_middle_.set_field(b, t.fields[b]);
+    if (!mechanism_.has_elements_at_middle()) return;
+    for (auto* a : {&t.of_elements, &t.by_q, &t.by_v}) std::fill(a->begin(), a->end(), 0.0);
 }
 
 // After its second derivatives with the field held: what the field changes by, and its slope.
-void SecondOrder::add_turned_potential(const ConfigurationFunction& potential) {
+void SecondOrder::add_turned_potential(const ConfigurationFunction& potential, double dt) {
     const std::vector<int>& support = potential.support();
     const std::size_t n = support.size();
     for (std::size_t a = 0; a < n; ++a) {
-        dual_.L_q[support[a]] -= dual_local_.gradient[a];
+        turned_->of_elements[support[a]] -= dt * dual_local_.gradient[a].v;
+        turned_->by_q[support[a]] -= dual_local_.gradient[a].d;
         turned_middle_.each_field_end(support[a], [&](int k, const ByEnds& of_a) {
             for (std::size_t b = 0; b < n; ++b)
                 spread(turned_middle_, support[b], -dual_local_.hessian[a * n + b].v, 0.0,
@@ -108,9 +117,8 @@ void SecondOrder::add_turned_forces(double dt) {
     const Mechanism& m = mechanism_;
     if (!m.has_elements_at_middle()) return;
     Turned& t = *turned_;
-    for (auto* a : {&t.force, &t.by_q, &t.by_v}) std::fill(a->begin(), a->end(), 0.0);
     // As one row at the middle, for each second: the field of duals is that of dt L.
-    const double at_q = (kappa_plus(split_, dt) + kappa_minus(split_, dt)) / dt,
+    const double whole = kappa_plus(split_, dt) + kappa_minus(split_, dt), at_q = whole / dt,
                  at_v = 0.5 * (kappa_plus(split_, dt) - kappa_minus(split_, dt));
     const auto by_variable = [&](int i, int j, double f_q, double f_v) {
         t.by_q[j] += mu_force_[i] * f_q;
@@ -130,35 +138,44 @@ void SecondOrder::add_turned_forces(double dt) {
         });
     };
     for (const auto& [i, slot] : m.damping) {
-        t.force[i] -= m.numbers[slot] * v_[i];
+        t.of_elements[i] -= whole * m.numbers[slot] * v_[i];
         by_variable(i, i, 0.0, -m.numbers[slot]);
     }
     for (const auto& [i, input] : m.joint_forces) {
-        t.force[i] += u[input];
+        t.of_elements[i] += whole * u[input];
         by_input(i, input, 1.0);
     }
     if (m.forces.empty()) return;
     const ForcePoint<double> middle{at_middle_, q_mid_.data(), v_.data(), u.data()};
-    for_each_entry(m.forces, middle, force_, [&](int i, double f) { t.force[i] += f; });
+    for_each_entry(m.forces, middle, force_, [&](int i, double f) { t.of_elements[i] += whole * f; });
     for_each_entry(m.forces, middle, force_, by_variable, by_input);
 }
 
 void SecondOrder::add_bends(double dt) {
-    const double km = kappa_minus(split_, dt), kp = kappa_plus(split_, dt);
     Turned& t = *turned_;
+    const bool has_elements = mechanism_.has_elements_at_middle();
     for (std::size_t b = 0; b < t.turnings.size(); ++b) {
         const Ball& ball = mechanism_.balls[b];
         const int at = ball.variable;
         const auto vector = [&](const auto& of) { return Vector{of(at), of(at + 1), of(at + 2)}; };
-        const Vector by_theta = vector([&](int i) { return dual_.L_q[i].d + t.by_q[i]; }),
-                     by_nu = vector([&](int i) { return (dual_.L_v[i].d + t.by_v[i]) / dt; });
+        const Vector by_theta = vector([&](int i) { return dual_.L_q[i].d; }),
+                     by_phi = vector([&](int i) { return dual_.L_v[i].d / dt; });
+        const GivenTurning given(&q2[at]);
+        const TurnedField& field = t.fields[b];
         Matrix6 own;
         if (ball.prescribed) {
-            own = GivenTurning(&q2[at]).bend(by_theta, by_nu);
+            own = given.bend(by_theta, by_phi);
         } else {
-            const Vector g = vector([&](int i) { return dt * dual_.L_q[i].v + (km + kp) * t.force[i]; }),
-                         h = vector([&](int i) { return dual_.L_v[i].v + 0.5 * (kp - km) * t.force[i]; });
-            own = t.fields[b].bend(g, h, by_theta, by_nu);
+            const Vector g = vector([&](int i) { return dt * dual_.L_q[i].v; }),
+                         h = vector([&](int i) { return dual_.L_v[i].v; });
+            own = field.bend(g, h, by_theta, by_phi);
+        }
+        if (has_elements) {
+            const Vector g = vector([&](int i) { return t.of_elements[i]; }),
+                         of_theta = vector([&](int i) { return t.by_q[i]; }),
+                         of_phi = vector([&](int i) { return t.by_v[i] / dt; });
+            own = own + (ball.prescribed ? given.bend_of_elements(of_theta, of_phi)
+                                         : field.bend_of_elements(g, of_theta, of_phi));
         }
         if (turned_middle_.set_own(b, own, dt)) continue;
         own = by_ends(own);
@@ -266,6 +283,12 @@ void SecondOrder::turn_changes(double dt) {
         const Ball& ball = mechanism_.balls[b];
         const int at = ball.variable;
         const Vector3 end = by_q2.segment<3>(at);
+        const auto vector = [&](int column) {
+            return Vector{changes_(at, column), changes_(at + 1, column), changes_(at + 2, column)};
+        };
+        const Vector field{e[at], e[at + 1], e[at + 2]}, rates = (1.0 / dt) * Vector{q2[at], q2[at + 1], q2[at + 2]};
+        const Vector of_chart = weighted_change(vector(3), field) + weighted_change(vector(4), rates);
+        by_q_.segment<3>(at) -= Vector3(of_chart.x, of_chart.y, of_chart.z);
         Vector6 rows, of_field;
         rows << by_q_.segment<3>(at), by_v_.segment<3>(at) / dt;
         of_field << changes_.col(0).segment<3>(at), changes_.col(1).segment<3>(at);

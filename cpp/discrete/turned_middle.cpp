@@ -1,6 +1,7 @@
 #include "discrete/turned_middle.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace leastaction {
 
@@ -11,33 +12,60 @@ TurnedMiddle::TurnedMiddle(const Mechanism& m) : mechanism_(m), ball_of_(m.n_var
         std::fill_n(&ball_of_[m.balls[b].variable], 3, static_cast<int>(b));
         const bool massive = m.balls[b].joint < m.n_massive;
         place_in_joints_.push_back(massive ? static_cast<int>(joints_.size()) : -1);
-        if (massive) joints_.push_back({m.balls[b].joint, !m.balls[b].prescribed, nullptr, nullptr, {}});
+        TurnedBall& ball = balls_[b];
+        ball.turned.first = ball.seen.first = ball.seen_field.first = m.balls[b].variable;
+        if (massive) joints_.push_back({m.balls[b].joint, !m.balls[b].prescribed, &ball.by, &ball.along, {}});
     }
 }
 
-void TurnedMiddle::Slopes::make(double rate) const {
-    ends_.by = {0.5 * of_.aa - rate * of_.ab, 0.5 * of_.aa + rate * of_.ab, 0.5 * of_.ba - rate * of_.bb,
-                0.5 * of_.ba + rate * of_.bb};
-    made_ = true;
+Matrix6 TurnedMiddle::ends_of(const Matrix6& by) const {
+    return {0.5 * by.aa - rate_ * by.ab, 0.5 * by.aa + rate_ * by.ab, 0.5 * by.ba - rate_ * by.bb,
+            0.5 * by.ba + rate_ * by.bb};
 }
 
-// From (theta, nu) by (s, d) to (theta, nu/dt) by (s, d/dt).
-Matrix6 TurnedMiddle::scaled(const Matrix6& by_middle) const {
-    return {by_middle.aa, dt_ * by_middle.ab, rate_ * by_middle.ba, by_middle.bb};
+const Matrix6& TurnedMiddle::by_ends(std::size_t b) const {
+    const TurnedBall& ball = balls_[b];
+    if (!std::exchange(ball.has_turned, true)) ball.turned.by = ends_of(ball.by);
+    return ball.turned.by;
+}
+
+const TurnedMiddle::Ends& TurnedMiddle::seen(const TurnedBall& ball) const {
+    if (!std::exchange(ball.has_seen, true)) {
+        const Turning::Matrix3 change = change_by_turn(ball.rate);
+        Matrix6 by = ball.by;
+        by.ba = by.ba - change * by.aa;
+        by.bb = by.bb - change * by.ab;
+        ball.seen.by = ends_of(by);
+    }
+    return ball.seen;
+}
+
+const TurnedMiddle::Ends& TurnedMiddle::seen_field(const TurnedBall& ball) const {
+    if (!std::exchange(ball.has_seen_field, true)) {
+        const Turning::Matrix3 change = crossing(ball.field) - change_by_turn(ball.field);
+        Matrix6 along = ball.along;
+        along.aa = along.aa + change * ball.by.aa;
+        along.ab = along.ab + change * ball.by.ab;
+        ball.seen_field.by = ends_of(along);
+    }
+    return ball.seen_field;
 }
 
 void TurnedMiddle::set_balls(const std::vector<Turning>& turnings) {
     for (std::size_t b = 0; b < balls_.size(); ++b) {
         const Ball& ball = mechanism_.balls[b];
-        const Matrix6& by = balls_[b].middle.set(
-            ball.variable, scaled(ball.prescribed ? GivenTurning(turnings[b].phi()).slope() : turnings[b].slope()));
-        if (place_in_joints_[b] >= 0) joints_[place_in_joints_[b]].by = &by;
+        TurnedBall& to = balls_[b];
+        const double* phi = turnings[b].phi();
+        to.by = ball.prescribed ? GivenTurning(phi).slope(dt_) : turnings[b].slope(dt_);
+        to.rate = rate_ * Vec3<double>{phi[0], phi[1], phi[2]};
+        to.has_turned = to.has_seen = to.has_seen_field = false;
     }
 }
 
-void TurnedMiddle::set_field(std::size_t ball, const Matrix6& slope) {
-    const Matrix6& along = balls_[ball].field.set(mechanism_.balls[ball].variable, scaled(slope));
-    if (place_in_joints_[ball] >= 0) joints_[place_in_joints_[ball]].along = &along;
+void TurnedMiddle::set_field(std::size_t b, const TurnedField& field) {
+    TurnedBall& ball = balls_[b];
+    ball.along = field.slope_in_turned_axes(ball.by, dt_);
+    ball.field = dt_ * field.theta();
 }
 
 bool TurnedMiddle::set_own(std::size_t ball, const Matrix6& bend, double factor) {

@@ -1,8 +1,8 @@
 // How the middle of a step changes with its ends, where balls turn (turning.hpp).
 //
 // By any other variable q = (q1 + q2)/2 and v = (q2 - q1)/dt. Of a ball that is so of (s, d/dt), by which the kernel takes
-// second derivatives in place of its (theta, theta'). Then the pairs of balls are those of any joint, but for second
-// derivatives of (theta, nu) by the ends.
+// second derivatives in place of turns and the body's rates. Then the pairs of balls are those of any joint, but for second
+// derivatives of the turn and phi by the ends. Elements know a ball by its chart.
 #pragma once
 
 #include <vector>
@@ -54,8 +54,8 @@ public:
         else if (mechanism_.has_elements_at_middle())
             visit_turned(f);
     }
-    // The derivatives by (s, d) of the field of a ball, where duals are taken along it (0 before).
-    void set_field(std::size_t ball, const Turning::Matrix6& slope);
+    // The field of a ball, where duals are taken along dt times it.
+    void set_field(std::size_t ball, const TurnedField& field);
 
     // Second derivatives of a ball by (s, d) that are none of the kernel's, times `factor` those of dt L: false where it moves no
     // mass, and so is none of joints().
@@ -64,27 +64,27 @@ public:
     // For the kernel: the joints of balls by (s, d/dt).
     std::span<const TurnedJoints> joints() const { return joints_; }
 
-    // Calls f(k, ByEnds) for every variable k that variable i of the kernel depends on, itself but for balls.
+    // Calls f(k, ByEnds) for every variable k that variable i depends on as elements see it, itself but for balls.
     template <class F>
     void each_end(int i, const F& f) const {
         const int ball = ball_of_[i];
         if (ball < 0) return f(i, ByEnds{0.5, 0.5, -rate_, rate_});
-        balls_[ball].middle.ends(rate_).each(i, f);
+        seen(balls_[ball]).each(i, f);
     }
-    // The same of the change of variable i of the field, of balls alone.
+    // The same of the change of variable i of the field, of balls alone; of rates it is not asked for.
     template <class F>
     void each_field_end(int i, const F& f) const {
-        if (ball_of_[i] >= 0) balls_[ball_of_[i]].field.ends(rate_).each(i, f);
+        if (ball_of_[i] >= 0) seen_field(balls_[ball_of_[i]]).each(i, f);
     }
-    // (theta, theta') of a ball by turns of the start and the end.
-    const Turning::Matrix6& by_ends(std::size_t ball) const { return balls_[ball].middle.ends(rate_).by; }
+    // The turn of a ball's middle and its rates by turns of the start and the end.
+    const Turning::Matrix6& by_ends(std::size_t ball) const;
     int ball_of(int variable) const { return ball_of_[variable]; }  // -1: none
 
 private:
     using Matrix6 = Turning::Matrix6;
     struct Ends {
         int first;
-        Matrix6 by;  // (theta, theta') by the start and the end
+        Matrix6 by;  // three coordinates and rates by the start and the end
         template <class F>
         void each(int i, const F& f) const {
             const int row = i - first;
@@ -92,34 +92,21 @@ private:
                 f(first + k, ByEnds{by.aa(row, k), by.ab(row, k), by.ba(row, k), by.bb(row, k)});
         }
     };
-    // By (s, d/dt), and by the ends where these are asked for.
-    class Slopes {
-    public:
-        const Matrix6& set(int variable, const Matrix6& of) {
-            ends_.first = variable;
-            made_ = false;
-            return of_ = of;
-        }
-        const Ends& ends(double rate) const {
-            if (!made_) make(rate);
-            return ends_;
-        }
-
-    private:
-        void make(double rate) const;
-        Matrix6 of_;
-        mutable Ends ends_;
-        mutable bool made_ = false;
-    };
+    // All but `by` and `along`, by (s, d/dt), is made where it is asked for.
     struct TurnedBall {
-        Slopes middle, field;
+        Matrix6 by, along;
+        Vec3<double> rate, field;
+        mutable Ends turned, seen, seen_field;
+        mutable bool has_turned, has_seen, has_seen_field;
     };
+    const Ends& seen(const TurnedBall& ball) const;
+    const Ends& seen_field(const TurnedBall& ball) const;
+    Matrix6 ends_of(const Matrix6& by) const;
     void set_balls(const std::vector<Turning>& turnings);
     template <class F>
     [[gnu::noinline]] void visit_turned(const F& f) const {
         f(*this);
     }
-    Matrix6 scaled(const Matrix6& by_middle) const;
 
     const Mechanism& mechanism_;
     std::vector<int> ball_of_;

@@ -11,20 +11,12 @@ bool is_free_slide(const Joint& joint, int n_dynamic) {
     return joint.axis >= Axis::tx && joint.axis <= Axis::tz && joint.simple && joint.variable < n_dynamic;
 }
 
-// Second derivatives of L by three joints rx, ry, rz and another of them, by turns of the start and the end, less what the product
-// of a row and a column (tree_newton.hpp) makes of them, which takes the first to be behind the second. Where it is before,
-// S_x x S_y = S_z and so on leave g = L_q, h = L_v and the rate of ry.
-Turning::Matrix3 joint_order(const Turning::Vector& g, const Turning::Vector& h, double rate_y,
-                             const Turning::Matrix6& by) {
-    using Row = Turning::Matrix3::Row;
-    const Row q_x = (g.z - h.x * rate_y) * by.ab.rows[1] - g.y * by.ab.rows[2] + h.z * by.bb.rows[1] -
-                    h.y * by.bb.rows[2],
-              q_y = (g.x - h.z * rate_y) * by.ab.rows[2] + h.x * by.bb.rows[2];
-    const Row v_x = h.z * by.ab.rows[1] - h.y * by.ab.rows[2], v_y = h.x * by.ab.rows[2];
-    Turning::Matrix3 out;
-    for (int k = 0; k < 3; ++k)
-        out.rows[k] = by.aa(0, k) * q_x + by.aa(1, k) * q_y + by.ba(0, k) * v_x + by.ba(1, k) * v_y;
-    return out;
+// What second derivatives of L by turns of a ball's start (rows) and end, in the symmetric part of products, differ by from
+// the products: half of g.(r x c) + h.(r x c') - h.(c x r'), with g = L_q, h = L_v, and rates of rows and columns c' and r'.
+Turning::Matrix3 half_of_order(const Turning::Vector& g, const Turning::Vector& h, const Turning::Matrix6& by) {
+    const Turning::Matrix3 across = crossing(h);
+    return -0.5 * (transposed_product(by.aa, crossing(g) * by.ab + across * by.bb) +
+                   transposed_product(by.ba, across * by.ab));
 }
 
 }  // namespace
@@ -48,7 +40,7 @@ void MidpointStep::turn_ends() {
     }
 }
 
-// From the kernel's coordinates of balls to turns of the ends.
+// Of balls from rows of (q1, q2) to those of turns of the ends.
 void MidpointStep::turn_residual() {
     for (int i = 0; i < nd_; ++i) {
         residual[i] -= p1[i];
@@ -76,30 +68,34 @@ void MidpointStep::turn_correction() {
     }
 }
 
-void MidpointStep::make_bends() {
+void MidpointStep::make_bends(double dt) {
+    const bool has_elements = mechanism_->has_elements_at_middle();
     for (std::size_t b = 0; b < turnings_.size(); ++b) {
         const Ball& ball = mechanism_->balls[b];
         if (ball.prescribed) continue;
         const double *start = &raw_start_[ball.variable], *end = &raw_end_[ball.variable];
-        const Vec3<double> from{start[0], start[1], start[2]}, to{end[0], end[1], end[2]};
-        bends_[b] = turnings_[b].bend(from + to, 0.5 * (to - from));
+        const Vec3<double> from{start[0], start[1], start[2]}, to{end[0], end[1], end[2]}, g = from + to;
+        bends_[b] = turnings_[b].bend(g, 0.5 * (to - from));
+        if (!has_elements) continue;
+        const double* of_bodies = &kernel_slopes_[ball.variable];
+        const Vec3<double> of_elements = g - dt * Vec3<double>{of_bodies[0], of_bodies[1], of_bodies[2]};
+        bends_[b] = bends_[b] + OfChart({}, of_elements, {}).by(turnings_[b].slope());
     }
 }
 
-void MidpointStep::set_bends() {
-    make_bends();
+void MidpointStep::set_bends(double dt) {
+    make_bends(dt);
     for (std::size_t b = 0; b < turnings_.size(); ++b) turned_middle_.set_own(b, bends_[b], 1.0);
 }
 
 void MidpointStep::make_ball_turns(double dt) {
-    make_bends();
+    make_bends(dt);
     for (std::size_t b = 0; b < ball_turns_.size(); ++b) {
         const int at = mechanism_->balls[b].variable;
         if (at >= nd_) continue;
         const Turning::Matrix6& by = turned_middle_.by_ends(b);
         const double *g = &kernel_slopes_[at], *h = &lagrangian_.L_v[at];
-        ball_turns_[b] = {
-            &by, by_ends(bends_[b]).ab + dt * joint_order({g[0], g[1], g[2]}, {h[0], h[1], h[2]}, v_[at + 1], by)};
+        ball_turns_[b] = {&by, by_ends(bends_[b]).ab + dt * half_of_order({g[0], g[1], g[2]}, {h[0], h[1], h[2]}, by)};
     }
 }
 
@@ -128,7 +124,8 @@ void MidpointStep::hand_on_turns() {
             carried[i] = p1[at + i];
             for (int c = 0; c < nc_; ++c) carried[i] -= C1_[c * nq_ + at + i] * lam[c];
         }
-        const Vec3<double> torque = turnings_[b].torque(&raw_start_[at], &raw_end_[at]);
+        const double *start = &raw_start_[at], *end = &raw_end_[at];
+        const Vec3<double> torque{start[0] + end[0], start[1] + end[1], start[2] + end[2]};
         Vec3<double> in_world = turned(&q1[ball.quaternion], {carried[0], carried[1], carried[2]}) +
                                 turned(&q_mid_[ball.quaternion], torque);
         // What is left to the slides of a free joint went on along them, which changes its moment.

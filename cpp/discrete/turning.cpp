@@ -33,14 +33,6 @@ Vector times(const Vector& a, const Matrix3& m) {
     const Row out = a.x * m.rows[0] + a.y * m.rows[1] + a.z * m.rows[2];
     return {out[0], out[1], out[2]};
 }
-// C(b) w as a matrix of b, for one w, and of w, for one b; its product with a matrix; and g.C(b) w as one of b.
-Matrix3 change_by_turn(const Vector& w) { return {{row(0, 0, w.y), row(0, 0, -w.x), row(0, w.x, 0)}}; }
-Matrix3 change_of_rates(const Vector& b) { return {{row(0, b.z, 0), row(-b.z, 0, 0), row(b.y, 0, 0)}}; }
-Matrix3 changed_by_turn(const Vector& w, const Matrix3& m) {
-    return {{w.y * m.rows[2], -w.x * m.rows[2], w.x * m.rows[1]}};
-}
-Vector change(const Vector& b, const Vector& w) { return {b.z * w.y, -b.z * w.x, b.y * w.x}; }
-Vector weighted_change(const Vector& g, const Vector& w) { return {0.0, w.x * g.z, w.y * g.x - w.x * g.y}; }
 // g.C(b) w as a form of b, by rows, and w; its product with a matrix; and the Hessian of g.N(b, b) w.
 Matrix3 change_form(const Vector& g) { return {{row(0, 0, 0), row(g.z, 0, 0), row(-g.y, g.x, 0)}}; }
 Matrix3 change_form(const Vector& g, const Matrix3& m) {
@@ -49,6 +41,11 @@ Matrix3 change_form(const Vector& g, const Matrix3& m) {
 Matrix3 bend_form(const Vector& g, const Vector& w) {
     const double yz = g.z * w.y;
     return {{row(0, 0, 0), row(0, g.x * w.x, yz), row(0, yz, -g.x * w.x - g.y * w.y)}};
+}
+// The Hessian along exp of g.theta, theta = a - C(a) a/2.
+Matrix3 chart_form(const Vector& g) {
+    const Vector f = 0.5 * g;
+    return {{row(0, -f.z, f.y), row(-f.z, 0, -f.x), row(f.y, -f.x, 0)}};
 }
 Eigen::Matrix3d plain(const Matrix3& m) {
     Eigen::Matrix3d out;
@@ -109,6 +106,9 @@ void keep_unit(double* p) {
 }
 
 }  // namespace
+
+Matrix3 change_by_turn(const Vector& w) { return {{row(0, 0, w.y), row(0, 0, -w.x), row(0, w.x, 0)}}; }
+Vector weighted_change(const Vector& g, const Vector& w) { return {0.0, w.x * g.z, w.y * g.x - w.x * g.y}; }
 
 Matrix3 crossing(const Vector& a) { return {{row(0, -a.z, a.y), row(a.z, 0, -a.x), row(-a.y, a.x, 0)}}; }
 
@@ -186,16 +186,9 @@ void Turning::end_to_phi(double* beta) const {
     beta[0] = change.x, beta[1] = change.y, beta[2] = change.z;
 }
 
-// dtheta = xi and dnu = -(DJ xi) phi.
-Vec3<double> Turning::torque(const double* start, const double* end) const {
-    const auto half = [&](int i) { return 0.5 * (end[i] - start[i]); };
-    return {start[0] + end[0], start[1] + end[1] - half(2) * phi_.x,
-            start[2] + end[2] - half(0) * phi_.y + half(1) * phi_.x};
-}
-
 void Turning::turn_rows(double* start, double* end) const {
-    const Vec3<double> g = torque(start, end),
-                       h{0.5 * (end[0] - start[0]), 0.5 * (end[1] - start[1]), 0.5 * (end[2] - start[2])};
+    const Vec3<double> g{start[0] + end[0], start[1] + end[1], start[2] + end[2]},
+        h{0.5 * (end[0] - start[0]), 0.5 * (end[1] - start[1]), 0.5 * (end[2] - start[2])};
     const Vec3<double> across = cross(h, phi_), half = 0.5 * (g + across);
     const Vec3<double> by_d = h + tau_ * cross(g, phi_) + c_ * cross(across, phi_);
     const Vec3<double> a = half - by_d, b = half + by_d;
@@ -217,45 +210,46 @@ Matrix3 Turning::by_phi(const Matrix3& m) const {
              kept * m.rows[2] + (c_ * phi_.z) * along}};
 }
 
-Matrix6 Turning::slope() const {
-    const Matrix3 P = crossing(phi_), xi_by_d = tau_ * P;
-    return {identity, xi_by_d, P - change_by_turn(phi_), phi_by_d() - changed_by_turn(phi_, xi_by_d)};
+Matrix6 Turning::slope(double dt) const {
+    return {identity, crossing((dt * tau_) * phi_), crossing((1.0 / dt) * phi_), phi_by_d()};
 }
 
-// With xi = xi_d d and dphi = phi_d d by d, the second changes of theta and phi along exp are those of
+// With eta = P u and xi = s + tau p x d, the second changes of theta and phi along exp are those of
 //
-//   h.phi + g.theta:   1/2 u'P'Y u - 1/2 g.(C xi) xi,   P u = dphi,
+//   h.phi + g.theta:   1/2 u'P'Y u,
 //   Y u = s x h + c ((p x d) x h + d x (h x p)) + 2 c' p (h.p x (p x d)) + tau d x g + 2 tau' p (g.p x d),
 //
 // c' and tau' by x^2.
-Matrix6 Turning::along(const Vector& g, const Vector& h, const Matrix3& twice_theta, const Matrix3& phi_theta,
-                       const Matrix3* twice_phi) const {
+Matrix6 Turning::along(const Vector& g, const Vector& h, const Matrix3& phi_theta, const Matrix3* twice_phi) const {
     const Vector &p = phi_, hp = cross(h, p), gp = cross(g, p), hpp = cross(hp, p);
-    const Matrix3 P = crossing(p), phi_d = phi_by_d(), xi_d = tau_ * P;
+    const Matrix3 P = crossing(p);
     // -c ([h] [p] + [h x p]) with [h] [p] = p h' - (h.p) 1 and [h x p] = p h' - h p'
     Matrix3 Y = outer(p, 2.0 * (c1_ * hpp + tau1_ * gp - c_ * h)) + outer(c_ * h, p) - tau_ * crossing(g);
     add_diagonal(Y, c_ * dot(h, p));
-    // 1/4 of the Hessian of g.(C xi) xi is 1/4 [0 g3 -g2; g3 0 g1; -g2 g1 0]
-    const Vector f = 0.25 * g;
-    const Matrix3 own = 0.5 * twice_theta - Matrix3{{row(0, f.z, -f.y), row(f.z, 0, f.x), row(-f.y, f.x, 0)}};
-    const Matrix3 own_d = own * xi_d;
-    Matrix3 left_s = phi_theta - crossing(0.5 * h), left_d = 0.5 * Y + phi_theta * xi_d;
+    Matrix3 left_s = phi_theta - crossing(0.5 * h), left_d = 0.5 * Y + tau_ * (phi_theta * P);
     if (twice_phi) {
-        left_s = left_s + 0.5 * (*twice_phi * P);
-        left_d = left_d + 0.5 * (*twice_phi * phi_d);
+        const Matrix3 half = 0.5 * *twice_phi;
+        left_s = left_s + half * P;
+        left_d = left_d + half * phi_by_d();
     }
-    const Matrix3 ss = own - crossed(p, left_s), sd = own_d - crossed(p, left_d);
-    const Matrix3 ds = by_phi(left_s) - crossed(tau_ * p, own), dd = by_phi(left_d) - crossed(tau_ * p, own_d);
-    const Matrix3 both = sd + transposed(ds);
+    const Matrix3 ss = -1.0 * crossed(p, left_s), dd = by_phi(left_d);
+    const Matrix3 both = transposed(by_phi(left_s)) - crossed(p, left_d);
     return {ss + transposed(ss), both, transposed(both), dd + transposed(dd)};
 }
 
-// nu = J^-1 phi.
-Matrix6 Turning::bend(const Vector& g, const Vector& h) const {
-    return along(g - weighted_change(h, phi_), h, bend_form(h, phi_), -1.0 * transposed(change_form(h)), nullptr);
+Matrix6 Turning::bend(const Vector& g, const Vector& h) const { return along(g, h, crossing(0.5 * h), nullptr); }
+
+OfChart::OfChart(const Vector& phi, const Vector& of_theta, const Vector& of_phi)
+    : by_theta(of_theta - weighted_change(of_phi, phi)),
+      twice_theta(bend_form(of_phi, phi) + chart_form(by_theta)),
+      phi_theta(-1.0 * transposed(change_form(of_phi))) {}
+
+Matrix6 OfChart::by(const Matrix6& slope) const {
+    const Matrix6 half{0.5 * twice_theta, Matrix3{}, phi_theta, Matrix3{}};
+    const Matrix6 out = transposed_product(slope, half * slope);
+    return out + transposed(out);
 }
 
-// theta moves by J^-1 xi and nu by J^-1 eta - C(xi) phi + ..., of which xi and eta = dphi depend on phi.
 TurnedField::TurnedField(const Turning& turning, const Vector& mu, const Vector& w)
     : at_(turning), s_(0.5 * (mu + w)), d_(w - mu) {
     const double c = at_.c_, tau = at_.tau_;
@@ -266,48 +260,52 @@ TurnedField::TurnedField(const Turning& turning, const Vector& mu, const Vector&
     // -c [phi] [d] = -c (d phi' - (phi.d) 1)
     eta_phi_ = outer((2.0 * at_.c1_) * twice - c * d_, phi) - crossing(s_ + c * across);
     add_diagonal(eta_phi_, c * dot(phi, d_));
-    // C(C(.) xi) phi - C(.) eta + 2 N(., xi) phi
-    nu_theta_ = changed_by_turn(phi, change_by_turn(xi_)) - change_by_turn(eta_) +
-                Matrix3{{row(0, phi.x * xi_.y, -phi.x * xi_.z), row(0, 0, -phi.y * xi_.z),
-                         row(0, phi.y * xi_.z, phi.y * xi_.y)}};
-    nu_phi_ = eta_phi_ - change_of_rates(xi_) - changed_by_turn(phi, xi_phi_);
 }
-
-Vector TurnedField::nu() const { return eta_ - change(xi_, at_.phi_); }
 
 Matrix6 TurnedField::slope() const {
-    const Matrix3 P = crossing(at_.phi_), phi_d = at_.phi_by_d(), xi_d = at_.tau_ * P,
-                  theta = -1.0 * change_by_turn(xi_);
-    return {theta + xi_phi_ * P, theta * xi_d + xi_phi_ * phi_d, nu_theta_ + nu_phi_ * P,
-            nu_theta_ * xi_d + nu_phi_ * phi_d};
+    const Matrix3 P = crossing(at_.phi_), phi_d = at_.phi_by_d();
+    return {xi_phi_ * P, xi_phi_ * phi_d, eta_phi_ * P, eta_phi_ * phi_d};
 }
 
-Matrix6 TurnedField::bend(const Vector& g, const Vector& h, const Vector& of_theta, const Vector& of_nu) const {
-    const Vector &phi = at_.phi_, &xi = xi_;
-    const double x = phi.x, y = phi.y;
-    const Vector by_xi = g - weighted_change(h, phi);  // at theta = 0
-    const Vector by_theta = times(h, nu_theta_) - weighted_change(g, xi) + of_theta - weighted_change(of_nu, phi);
-    const Vector by_phi = times(g, xi_phi_) + times(h, nu_phi_) + of_nu;
-    const double yy = -2.0 * h.z * (y * xi.x + x * xi.y) - h.x * y * xi.z;
-    const double zz = h.z * (2.0 * y * xi.x + x * xi.y) + h.x * y * xi.z - h.y * x * xi.z;
-    const double yz = h.x * (2.0 * x * xi.x - y * xi.y) + h.y * y * xi.x + h.z * x * xi.z;
-    const Matrix3 twice_theta = bend_form(by_xi, xi) + bend_form(h, eta_) + bend_form(of_nu, phi) +
-                                Matrix3{{row(0, 0, 0), row(0, yy, yz), row(0, yz, zz)}};
-    const Matrix3 theta_phi = bend_form(h, phi) * xi_phi_ - change_form(by_xi, xi_phi_) - change_form(h, eta_phi_) -
-                              change_form(of_nu) +
-                              Matrix3{{row(0, 0, 0), row(h.x * xi.y - h.y * xi.x, h.x * xi.x + h.z * xi.z, 0),
-                                       row(-h.x * xi.z - h.z * xi.x, h.z * xi.y - h.y * xi.z, 0)}};
+Matrix6 TurnedField::slope_in_turned_axes(const Matrix6& by, double dt) const {
+    const Matrix3 turn = crossing(dt * xi_), xi = (dt * dt) * xi_phi_, eta = dt * eta_phi_;
+    return {xi * by.ba - turn, xi * by.bb - turn * by.ab, eta * by.ba, eta * by.bb};
+}
 
-    // by_xi.xi = tau q + ... and h.eta = c r + ...
-    const Vector e = cross(d_, by_xi);
+// g.xi = tau q + ... and h.eta = c r + ...
+Matrix3 TurnedField::twice_phi(const Vector& g, const Vector& h) const {
+    const Vector &phi = at_.phi_, e = cross(d_, g);
     const double ph = dot(phi, h), pd = dot(phi, d_), dh = dot(d_, h), q = dot(phi, e),
                  r = pd * ph - dot(phi, phi) * dh;
     const Vector r_phi = ph * d_ + pd * h - (2.0 * dh) * phi;
     const Vector by_p = 2.0 * (at_.tau1_ * e + at_.c1_ * r_phi + (at_.tau2_ * q + at_.c2_ * r) * phi);
-    const Matrix3 half = outer(phi, by_p) + outer(at_.c_ * d_, h) - transposed_product(xi_phi_, change_form(h));
-    Matrix3 twice_phi = half + transposed(half);
-    add_diagonal(twice_phi, 2.0 * (at_.tau1_ * q + at_.c1_ * r - at_.c_ * dh));
-    return at_.along(by_theta, by_phi, twice_theta, transposed(theta_phi), &twice_phi);
+    const Matrix3 half = outer(phi, by_p) + outer(at_.c_ * d_, h);
+    Matrix3 out = half + transposed(half);
+    add_diagonal(out, 2.0 * (at_.tau1_ * q + at_.c1_ * r - at_.c_ * dh));
+    return out;
+}
+
+// With D_u the derivative along a turn u of the middle, u x xi what the axes of u turn by, and xi_u and eta_u what the field changes
+// by along u: of products D_u D_v along the field (xi, eta) the symmetric part lacks
+//
+//   1/2 g.(v x xi_u + u x xi_v)   and, as these lack h.(u x phi_v),   1/2 (h'.(u x phi_v) + h.((u x xi + xi_u) x phi_v + u x eta_v))
+//
+// and what u and v in turn give, where h' is what h changes by along it.
+Matrix6 TurnedField::bend(const Vector& g, const Vector& h, const Vector& along_theta, const Vector& along_phi) const {
+    const Matrix3 across = crossing(h), missing = transposed_product(xi_phi_, across);
+    const Matrix3 phi_theta = crossing(along_phi) - across * crossing(xi_) + transposed_product(eta_phi_, across) +
+                              transposed_product(xi_phi_, crossing(g));
+    const Matrix3 half = 0.5 * missing, twice = twice_phi(g, h) - half - transposed(half);
+    return at_.along(along_theta + cross(xi_, g), times(g, xi_phi_) + times(h, eta_phi_) + along_phi, 0.5 * phi_theta,
+                     &twice);
+}
+
+Matrix6 TurnedField::bend_of_elements(const Vector& g, const Vector& along_theta, const Vector& along_phi) const {
+    OfChart chart(at_.phi_, along_theta - weighted_change(g, xi_), along_phi);
+    chart.twice_theta = chart.twice_theta + bend_form(g, xi_);
+    chart.phi_theta = chart.phi_theta - transposed(change_form(g, xi_phi_));
+    const Matrix3 none{}, twice = twice_phi(g, {});
+    return at_.along(chart.by_theta, times(g, xi_phi_) + along_phi, none, &twice) + chart.by(at_.slope());
 }
 
 Matrix6 by_ends(const Matrix6& form) {
@@ -324,12 +322,7 @@ Eigen::Matrix3d TurnedAxis::bend(const Eigen::Vector3d& g) const {
     return out;
 }
 
-// theta = a - C(a) a/2 along exp.
-Eigen::Matrix3d symmetric_chart_bend(const Eigen::Vector3d& g) {
-    Eigen::Matrix3d out;
-    out << 0, -0.5 * g[2], 0.5 * g[1], -0.5 * g[2], 0, -0.5 * g[0], 0.5 * g[1], -0.5 * g[0], 0;
-    return out;
-}
+Eigen::Matrix3d symmetric_chart_bend(const Eigen::Vector3d& g) { return plain(chart_form({g[0], g[1], g[2]})); }
 Eigen::Matrix3d chart_bend(const Eigen::Vector3d& g) {
     return symmetric_chart_bend(g) - 0.5 * plain(crossing({g[0], g[1], g[2]}));
 }

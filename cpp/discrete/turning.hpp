@@ -1,27 +1,32 @@
 // The rotation R of a ball joint over one step, R2 = R1 exp(phi) with the rotation vector phi in the body.
 //
 // The midpoint rule in the chart that moves along, Ld(R1, R2) = dt L(R1 exp(phi/2), phi/dt): at the middle the body's
-// angular velocity is phi/dt. The kernel knows the ball as three joints rx, ry, rz behind the rotation R1 exp(phi/2), with
-// coordinates theta, zero there, and rates nu/dt; so Ld is a function of (theta, nu), or, as for every other variable, of
-// q1 = theta - nu/2 and q2 = theta + nu/2.
+// angular velocity is phi/dt. So Ld is a function of the rotation at the middle and of phi, or, as for every other variable,
+// of q1 = theta - phi/2 and q2 = theta + phi/2, where theta stands for turns of the middle.
 //
-// Turning the ends in their bodies, R1 exp(alpha) and R2 exp(beta), with s = (alpha + beta)/2 and d = beta - alpha,
-// changes the middle and phi by
+// Turning the ends in their bodies, R1 exp(alpha) and R2 exp(beta), with s = (alpha + beta)/2 and d = beta - alpha, turns
+// the middle by xi and changes phi by eta,
 //
-//   xi   = s + tau phi x d,                              tau = tan(x/4) / (2x),   x = |phi|
-//   dphi = d + phi x s + c phi x (phi x d),              c = (1 - (x/2) cot(x/2)) / x^2,
+//   xi  = s + tau phi x d,                              tau = tan(x/4) / (2x),   x = |phi|
+//   eta = d + phi x s + c phi x (phi x d),              c = (1 - (x/2) cot(x/2)) / x^2,
 //
 // for M2 = dexp(phi/2)/2 dexp(phi)^-1 is a function of the skew matrix of phi, of eigenvalue 1/(1 + exp(-ix/2)) =
 // (1 + i tan(x/4))/2, and dexp^-1 of (x/2) cot(x/2) + i x/2. Both are regular below a full turn. Both ends are arguments:
 // a derivative with R1 held fixed would make no variational integrator.
 //
-// With J(theta) between the rates and the body's angular velocity, dtheta = J^-1 xi, nu = J^-1 phi and
-// dnu = J^-1 (dphi - (DJ dtheta) nu). About theta = 0, with C(b) w = (b3 w2, -b3 w1, b2 w1) and
-// N(b, b) w = (w1 (b2^2 - b3^2), -w2 b3^2, 2 b2 b3 w2)/2, J = 1 + C(theta) + ... and J^-1 = 1 - C(theta) + N(theta, theta) + ...
-//
 // Second derivatives of functions on rotations are taken along exp: X_u is the derivative by a turn u = (alpha, beta) that is
 // constant in the bodies, and X_u X_v - X_v X_u is the derivative by (u x v). Here is the symmetric part of X_u X_v, by (s, d):
 // what is a function of the ends is one of s and d as other variables are, q1 ~ s - d/2 and q2 ~ s + d/2.
+//
+// The kernel (dynamics/lagrangian.hpp) takes second derivatives by turns of the middle and the body's rates as products,
+// rows r and columns c of a ball's joints. These stand for D_c D_r, the turn of the column last, but for derivatives by a turn in
+// the row and a rate in the column, where h.(r x c) is missing, h = L_v. Half of that is in bend(), which goes with the
+// symmetric part of the products.
+//
+// Elements know a ball as three joints rx, ry, rz behind its rotation, with coordinates that are zero there and rates theta': a
+// chart. With J(theta) between its rates and the body's, theta' = J^-1 w, and about theta = 0, with C(b) w = (b3 w2, -b3 w1, b2 w1)
+// and N(b, b) w = (w1 (b2^2 - b3^2), -w2 b3^2, 2 b2 b3 w2)/2, J^-1 = 1 - C(theta) + N(theta, theta) + ... OfChart is what second
+// derivatives along exp have more than those by the chart.
 #pragma once
 
 #include <Eigen/Core>
@@ -52,20 +57,17 @@ public:
     void turn_whole(const double* quaternion, double* out) const;
     // Turns of the end (3) as changes of phi, in place.
     void end_to_phi(double* beta) const;
-    // What rows of (q1, q2), 3 each, turn the middle by, phi held: the impulse of a torque, in the axes of the middle.
-    Vec3<double> torque(const double* start, const double* end) const;
-    // These rows as rows of turns of the ends, in place.
+    // Rows of (q1, q2), 3 each, as rows of turns of the ends, in place.
     void turn_rows(double* start, double* end) const;
-    // Derivatives of (theta, nu), rows, by (s, d).
-    Matrix6 slope() const;
-    // Second derivatives of g.theta + h.nu by (s, d).
+    // Derivatives of (theta, phi/dt), rows, by (s, d/dt).
+    Matrix6 slope(double dt = 1.0) const;
+    // What second derivatives by (s, d) of a function with the slopes g and h by theta and phi have besides products.
     Matrix6 bend(const Vector& g, const Vector& h) const;
 
 private:
     friend class TurnedField;
-    // The second derivatives by (s, d) of a function of theta and phi with these gradients g and h and these Hessians.
-    Matrix6 along(const Vector& g, const Vector& h, const Matrix3& twice_theta, const Matrix3& phi_theta,
-                  const Matrix3* twice_phi) const;  // null: zero
+    // The second derivatives by (s, d) of theta and phi, times g and h, and those by (phi, theta) and phi twice that are given.
+    Matrix6 along(const Vector& g, const Vector& h, const Matrix3& phi_theta, const Matrix3* twice_phi) const;
     Matrix3 phi_by_d() const;
     Matrix3 by_phi(const Matrix3& m) const;
 
@@ -74,21 +76,43 @@ private:
     double cosine_, sine_;                    // exp(phi/2) is the quaternion (cosine, sine phi)
 };
 
-// The field that (theta, nu) change by along turns (mu, w) of the ends, as a function of the ends itself.
+// Of elements at the middle: second derivatives by (theta, phi), and what their slope by theta is along exp. `by_phi`: their slope
+// by phi.
+struct OfChart {
+    Turning::Vector by_theta;
+    Turning::Matrix3 twice_theta, phi_theta;
+
+    OfChart(const Turning::Vector& phi, const Turning::Vector& by_theta, const Turning::Vector& by_phi);
+    // With (theta, phi) of this slope by others.
+    Turning::Matrix6 by(const Turning::Matrix6& slope) const;
+};
+// C(.) w as a matrix, and g.C(.) w as a vector.
+Turning::Matrix3 change_by_turn(const Vec3<double>& w);
+Vec3<double> weighted_change(const Vec3<double>& g, const Vec3<double>& w);
+
+// What (theta, phi) change by along turns (mu, w) of the ends, as functions of the ends itself.
 class TurnedField {
 public:
     TurnedField(const Turning& turning, const Vec3<double>& mu, const Vec3<double>& w);
-    Vec3<double> theta() const { return xi_; }
-    Vec3<double> nu() const;
+    const Vec3<double>& theta() const { return xi_; }
+    const Vec3<double>& phi() const { return eta_; }
     Turning::Matrix6 slope() const;  // derivatives of it (rows) by (s, d)
-    // Second derivatives by (s, d) of g and h times its parts, and of by_theta.theta + by_nu.nu.
-    Turning::Matrix6 bend(const Vec3<double>& g, const Vec3<double>& h, const Vec3<double>& by_theta,
-                          const Vec3<double>& by_nu) const;
+    // dt times the same of (theta, phi/dt) by (s, d/dt), in axes that turn along theta(), as the kernel's do: less what these turn by.
+    // `by`: Turning::slope(dt).
+    Turning::Matrix6 slope_in_turned_axes(const Turning::Matrix6& by, double dt) const;
+    // What second derivatives by (s, d) of g and h times the field have besides products; `along_theta` and `along_phi`: what g and
+    // h change by along it, in axes that turn too.
+    Turning::Matrix6 bend(const Vec3<double>& g, const Vec3<double>& h, const Vec3<double>& along_theta,
+                          const Vec3<double>& along_phi) const;
+    // The same of elements, of which h is zero.
+    Turning::Matrix6 bend_of_elements(const Vec3<double>& g, const Vec3<double>& along_theta,
+                                      const Vec3<double>& along_phi) const;
 
 private:
+    Turning::Matrix3 twice_phi(const Vec3<double>& g, const Vec3<double>& h) const;  // of g.xi + h.eta
     const Turning& at_;
-    Vec3<double> s_, d_, xi_, eta_;                          // xi and dphi along (mu, w)
-    Turning::Matrix3 xi_phi_, eta_phi_, nu_theta_, nu_phi_;  // derivatives
+    Vec3<double> s_, d_, xi_, eta_;      // xi and eta along (mu, w)
+    Turning::Matrix3 xi_phi_, eta_phi_;  // derivatives
 };
 
 // A ball that is prescribed: the rotation vector phi of a step is given, in place of where it ends. By a turn alpha of the
@@ -104,14 +128,17 @@ public:
 
     explicit GivenTurning(const double* phi) : phi_{phi[0], phi[1], phi[2]} {}
 
-    // As of Turning, with s = (alpha + e)/2 and d = e - alpha.
-    Turning::Matrix6 slope() const;
+    // As of Turning, with s = (alpha + e)/2 and d = e - alpha; g and h: slopes of a field's weighted sum, whose field does not
+    // move this ball, and those of elements.
+    Turning::Matrix6 slope(double dt = 1.0) const;
     Turning::Matrix6 bend(const Vec3<double>& g, const Vec3<double>& h) const;
+    Turning::Matrix6 bend_of_elements(const Vec3<double>& g, const Vec3<double>& h) const;
     // Of beta (rows) by (alpha, e), and the second ones, weighted.
     Matrix36 end_slope() const;
     Matrix6 end_bend(const Eigen::Vector3d& g) const;
 
 private:
+    Matrix6 turn_bend(const Vec3<double>& g) const;
     Vec3<double> phi_;
 };
 

@@ -13,6 +13,10 @@
 //
 // A rotor adds J/2 (sum f_k v_k)^2, which is f_k J sum to L_v[k] and f_k f_l J to L_vv[k,l].
 //
+// The three joints of a ball stand, where so asked, for turns of its body along exp, by which its angular velocity is held, and for
+// this: V_i is then that of the body, and in W_i = S_i x V_i that of what is before the ball. Of two of them the last turn is that of
+// j, in B_i.S_j without the turn of S_j by i (discrete/turning.hpp). Derivatives along a direction turn their axes too.
+//
 // Pairs in different branches are zero. The gradient and the vectors A and B are O(n), the Hessian O(n depth). On
 // Dual<double> the same sweep gives the third order along one direction, on HyperDual the fourth along two.
 #pragma once
@@ -35,9 +39,9 @@ struct PairDerivatives {
     void resize(const Mechanism& mechanism);
 };
 
-// Three joints in a row, from `joint` on, whose coordinates and rates (rows) are functions of three other coordinates and
-// rates, by which second derivatives are taken instead; of duals also how that changes along their direction; and what their own
-// second derivatives have besides. Then
+// A ball, by its first joint: its turns and rates (rows) are functions of three other coordinates and rates, by which second
+// derivatives are taken instead; of duals also how that changes along their direction; and what its own second derivatives have
+// besides the symmetric part of products. Then
 //
 //   S' = S v_v - W q_v,   W' = W q_q - S v_q,   A' = A v_v + B q_v,   B' = B q_q + A v_q,
 //
@@ -60,7 +64,8 @@ using JointVectors = VectorsOf<double>;
 template <class T>
 class Lagrangian {
 public:
-    explicit Lagrangian(const Mechanism& mechanism);
+    // `along_exp`: derivatives by balls are so, on duals of first order too; else they are by their charts.
+    explicit Lagrangian(const Mechanism& mechanism, bool along_exp = false);
 
     // Gradient at (q, v), both in internal order; fills L_q and L_v (internal order) and leaves `at` placed.
     void gradient(const T* q, const T* v);
@@ -124,8 +129,14 @@ private:
     std::size_t stride_;
 
     std::vector<double> turned_G_wide_[parts], turned_A_[parts];  // G q_v, and [A q_q; A q_v] by joint
-    std::vector<SmallMatrix<6>> own_;                             // of turned joints by themselves
+    std::vector<int> balls_;                                      // that turn along exp, by their first joints
+    std::vector<int> ball_of_;                                    // by joint, its first; -1: none
+    std::vector<SmallMatrix<6>> own_;                             // of those before which there is no joint
 
+    template <bool has_balls>
+    void gradient_with(const T* q, const T* v);
+    void order_own_pairs()
+        requires(!std::is_same_v<T, Lanes>);
     // Eight products, or derivatives of products, of a row and the joints from j on.
     struct Products;
     template <bool turned>
@@ -133,9 +144,16 @@ private:
         requires(!std::is_same_v<T, Lanes>);
     void turned_products(std::span<const TurnedJoints> turned)
         requires(!std::is_same_v<T, Lanes>);
-    SmallMatrix<6> own_products(int joint, bool values) const
+    SmallMatrix<6> own_products(int ball, bool values) const
         requires(!std::is_same_v<T, Lanes>);
+    SmallMatrix<6> own_turned(const TurnedJoints& of) const
+        requires(!std::is_same_v<T, Lanes>);
+    SmallMatrix<6> own_pairs(int ball) const;
+    void put_own_pairs(int ball, const SmallMatrix<6>& own);
     void turn(const TurnedJoints& of)
+        requires(!std::is_same_v<T, Lanes>);
+    template <bool keeps_q>
+    void turn_as(const TurnedJoints& of)
         requires(!std::is_same_v<T, Lanes>);
 };
 

@@ -17,14 +17,14 @@
 //
 // and a sweep from the root gives x and d. Joints whose variable is kinematic have d = 0 and drop out.
 //
-// A ball that turns (discrete/turning.hpp) goes as one, with a pivot of three by three. Turns of its start and its end change its
-// three joints' coordinates by x and their rates by n/dt each, so with X = sum (S n/dt - W x) and Y = -sum G x
+// A ball (discrete/turning.hpp) goes as one, with a pivot of three by three. Turns of its start and its end turn its middle by x and
+// change its rates by n/dt each, so with X = sum (S n/dt - W x) and Y = -sum G x
 //
 //   b = [dt/2 Y - X; dt/2 X]  and  a = [2 sum x A; 2 sum (x B + n A/dt) - 4/dt sum x A]  (as a column)  of each turn of the end,
 //   c = [dt/2 Y + X; dt/2 X]  and  a = [2 sum x A; 2 sum (x B + n A/dt) + 4/dt sum x A]  (as a row)     of one of the start,
 //
-// which are those above where x = 1/2 and n = -+1. Its own three by three are the products a.b too, as of joints that are each behind
-// the other, and what they differ by where one is behind the other only (BallTurn::more).
+// which are those above where x = 1/2 and n = -+1. Its own three by three are the products a.b too, and what their symmetric part
+// differs by (BallTurn::more).
 #pragma once
 
 #include <Eigen/Core>
@@ -38,9 +38,9 @@
 
 namespace leastaction {
 
-// What the coordinates and the rates of a ball's joints (rows) change by with turns of its start and its end (columns), and
-// what is added to the products of its own rows and columns: the order of its joints (discrete/turning.hpp), forces, and the
-// turns' own second derivatives.
+// What the turn of a ball's middle and its rates (rows) change by with turns of its start and its end (columns), and what is added
+// to the products of its own rows and columns: the order of turns (discrete/turning.hpp), forces, and the turns' own second
+// derivatives.
 struct BallTurn {
     const SmallMatrix<6>* by_ends;
     SmallMatrix<3> more;

@@ -87,6 +87,17 @@ void turn_at_zero(Vec3<T>& a, Vec3<T>& b, const T& angle) {
     }
 }
 
+// R exp(angles) of angles that are zero.
+void turn_at_zero(Mat3<Dual<double>>& R, const Dual<double>* angles) {
+    const auto add = [](Vec3<Dual<double>>& to, double factor, const Vec3<Dual<double>>& by) {
+        to.x.d += factor * by.x.v, to.y.d += factor * by.y.v, to.z.d += factor * by.z.v;
+    };
+    const double x = angles[0].d, y = angles[1].d, z = angles[2].d;
+    add(R.c0, z, R.c1), add(R.c0, -y, R.c2);
+    add(R.c1, x, R.c2), add(R.c1, -z, R.c0);
+    add(R.c2, y, R.c0), add(R.c2, -x, R.c1);
+}
+
 // The three joints of a ball, given that its parent is placed: about the axes of its rotation, where their coordinates are zero.
 // The rotation itself is fixed.
 template <class T>
@@ -109,6 +120,14 @@ template <class T>
         p = parent.R * joint.base.p + parent.p;
     }
     const auto about = [&](int k, const Vec3<T>& w) { out.twist[index + k] = {cross(p, w), w}; };
+    if constexpr (std::is_same_v<T, Dual<double>>) {
+        if (out.turns_along_exp) {
+            turn_at_zero(R, angles);
+            about(0, R.c0), about(1, R.c1), about(2, R.c2);
+            pose[2] = pose[0];
+            return;
+        }
+    }
     about(0, R.c0);
     turn_at_zero(R.c1, R.c2, angles[0]);
     pose[1] = pose[0];
@@ -176,7 +195,7 @@ bool any_turns(const std::vector<int>& list, const std::vector<Joint>& joints, c
 
 // Where sines and cosines are known, but of lanes.
 template <bool with_balls, class T>
-void place_each(const std::vector<int>& list, const T* q, Placement<T>& out) {
+[[gnu::always_inline]] inline void place_each(const std::vector<int>& list, const T* q, Placement<T>& out) {
     const std::vector<Joint>& joints = out.joints();
     const int n = static_cast<int>(list.size());
     for (int i = 0; i < n; ++i) {
@@ -198,6 +217,12 @@ void place_each(const std::vector<int>& list, const T* q, Placement<T>& out) {
     }
 }
 
+// Apart, so that mechanisms without balls are as quick as without these.
+template <class T>
+[[gnu::noinline]] void place_with_balls(const std::vector<int>& list, const T* q, Placement<T>& out) {
+    place_each<true>(list, q, out);
+}
+
 }  // namespace
 
 template <class T>
@@ -216,7 +241,7 @@ void place(const std::vector<int>& list, const T* q, Placement<T>& out) {
         }
     }
     if (out.has_quaternions())
-        place_each<true>(list, q, out);
+        place_with_balls(list, q, out);
     else
         place_each<false>(list, q, out);
 }

@@ -101,6 +101,8 @@ public:
     std::vector<Pose<T>> pose;                // by joint, after its motion
     std::vector<Motion<T>> twist;             // by joint, world coordinates, at the world origin
     std::vector<double> angle, sine, cosine;  // work space of place()
+    // Duals of balls are turns along exp: their three axes turn along with the last of their three poses, which is all of these then.
+    bool turns_along_exp = false;
 
     explicit Placement(const Constants& constants)
         : Numbers<T>{constants.numbers.data(), nullptr, constants.time_slot, constants.own_time()},
