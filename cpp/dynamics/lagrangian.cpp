@@ -70,7 +70,7 @@ Lagrangian<T>::Lagrangian(const Mechanism& mechanism, bool along_exp) : at(mecha
         S_wide_[part].assign(6 * stride_, 0.0);
         W_wide_[part].assign(6 * stride_, 0.0);
         G_wide_[part].assign(3 * stride_, 0.0);
-        AB_[part].assign(12 * n + 1, 0.0);  // and what three() reads beyond the last
+        AB_[part].assign(12 * n + 1, 0.0);  // and what is read beyond the last in turned_lagrangian.cpp
         if (balls_.empty()) continue;
         turned_G_wide_[part].assign(3 * stride_, 0.0);
         turned_A_[part].assign(6 * n, 0.0);

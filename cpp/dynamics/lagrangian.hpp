@@ -153,7 +153,10 @@ private:
     void turn(const TurnedJoints& of)
         requires(!std::is_same_v<T, Lanes>);
     template <bool keeps_q>
-    void turn_as(const TurnedJoints& of)
+    void turn_columns(const TurnedJoints& of)
+        requires(!std::is_same_v<T, Lanes>);
+    template <bool keeps_q>
+    void turn_rows(const TurnedJoints& of)
         requires(!std::is_same_v<T, Lanes>);
 };
 

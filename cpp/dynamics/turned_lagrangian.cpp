@@ -29,12 +29,8 @@ SmallMatrix<6> turned_columns(const SmallMatrix<6>& m, const TurnedJoints& of) {
 
 using Row = SmallMatrix<3>::Row;
 
-// Three numbers, of which the fourth means nothing.
-Row three(const double* from) {
-    Row out;
-    __builtin_memcpy(&out, from, sizeof(Row));
-    return out;
-}
+// Three numbers; the fourth means nothing.
+void get_three(const double* from, Row& to) { __builtin_memcpy(&to, from, sizeof(Row)); }
 void put_three(const Row& of, double* to) {
     for (int k = 0; k < 3; ++k) to[k] = of[k];
 }
@@ -145,17 +141,14 @@ SmallMatrix<6> Lagrangian<T>::own_products(int ball, bool values) const
     return {block(&Sums::qq), block(&Sums::q_v), block(&Sums::v_q), block(&Sums::vv)};
 }
 
-// Derivatives first, of the values that were.
+// The vectors of a ball as columns and as rows of products: derivatives first, of the values that were.
 template <class T>
 template <bool keeps_q>
-void Lagrangian<T>::turn_as(const TurnedJoints& of)
+void Lagrangian<T>::turn_columns(const TurnedJoints& of)
     requires(!std::is_same_v<T, Lanes>)
 {
-    const Mechanism& m = mechanism_;
     const int at = of.joint;
-    const bool is_first = m.path[at].size() == 1;
-    const bool has_rows = !is_first || (at + 3 < m.n_massive && m.joints[at + 3].parent >= at);
-    for (int part = parts - 1; has_rows && part >= 0; --part)
+    for (int part = parts - 1; part >= 0; --part)
         for (int c = 0; c < 6; ++c) {
             const std::size_t column = c * stride_ + at;
             Row S{}, W{}, G{}, turned_G{};
@@ -184,7 +177,14 @@ void Lagrangian<T>::turn_as(const TurnedJoints& of)
             put_three(G, &G_wide_[part][column]);
             put_three(turned_G, &turned_G_wide_[part][column]);
         }
-    if (is_first) return;
+}
+
+template <class T>
+template <bool keeps_q>
+void Lagrangian<T>::turn_rows(const TurnedJoints& of)
+    requires(!std::is_same_v<T, Lanes>)
+{
+    const int at = of.joint;
     for (int part = parts - 1; part >= 0; --part) {
         struct {
             Row A[2]{}, B[2]{}, by_q{}, by_v{};
@@ -193,7 +193,8 @@ void Lagrangian<T>::turn_as(const TurnedJoints& of)
             for (int l = 0; l < 3; ++l) {
                 const double* row = &AB_[from][(at + l) * 12];
                 for (int half = 0; half < 2; ++half) {
-                    const Row of_A = three(row + 3 * half), of_B = three(row + 6 + 3 * half);
+                    Row of_A, of_B;
+                    get_three(row + 3 * half, of_A), get_three(row + 6 + 3 * half, of_B);
                     if (keeps) turned[l].B[half] += of_B;
                     if (keeps && half == 0) turned[l].by_q += of_A;
                     for (int k = 0; k < 3; ++k) {
@@ -223,10 +224,11 @@ template <class T>
 void Lagrangian<T>::turn(const TurnedJoints& of)
     requires(!std::is_same_v<T, Lanes>)
 {
-    if (of.keeps_q)
-        turn_as<true>(of);
-    else
-        turn_as<false>(of);
+    const int behind = of.joint + 3;
+    const bool is_first = mechanism_.path[of.joint].size() == 1;  // its rows see no others
+    const bool is_seen = behind < mechanism_.n_massive && mechanism_.joints[behind].parent >= of.joint;
+    if (!is_first || is_seen) of.keeps_q ? turn_columns<true>(of) : turn_columns<false>(of);
+    if (!is_first) of.keeps_q ? turn_rows<true>(of) : turn_rows<false>(of);
 }
 
 #define LEASTACTION_TURNED(T)                                                     \
