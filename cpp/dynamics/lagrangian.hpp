@@ -148,7 +148,7 @@ private:
         requires(!std::is_same_v<T, Lanes>);
     SmallMatrix<6> own_turned(const TurnedJoints& of) const
         requires(!std::is_same_v<T, Lanes>);
-    SmallMatrix<6> own_pairs(int ball) const;
+    void add_to_own_pairs(int ball, const SmallMatrix<6>& own);
     void put_own_pairs(int ball, const SmallMatrix<6>& own);
     void turn(const TurnedJoints& of)
         requires(!std::is_same_v<T, Lanes>);

@@ -73,21 +73,27 @@ void Lagrangian<T>::turned_products(std::span<const TurnedJoints> turned)
             pair_products<true>(i);
     }
     auto own = own_.begin();
-    for (const TurnedJoints& of : turned)
-        put_own_pairs(of.joint, of.own + (is_first(of.joint) ? *own++ : symmetric(own_pairs(of.joint))));
+    for (const TurnedJoints& of : turned) {
+        if (is_first(of.joint))
+            put_own_pairs(of.joint, of.own + *own++);
+        else
+            add_to_own_pairs(of.joint, of.own);
+    }
 }
 
+// To the symmetric part of the products.
 template <class T>
-SmallMatrix<6> Lagrangian<T>::own_pairs(int ball) const {
-    SmallMatrix<6> out;
-    const auto read = [&](const std::vector<double>& plane, SmallMatrix<3>& to) {
-        for (int i = 0; i < 3; ++i) {
-            const double* from = &plane[(ball + i) * pairs.stride + ball];
-            to.rows[i] = SmallMatrix<3>::Row{from[0], from[1], from[2], 0.0};
+void Lagrangian<T>::add_to_own_pairs(int ball, const SmallMatrix<6>& own) {
+    auto& [stride, vv, v_q, q_v, qq] = pairs;
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j <= i; ++j) {
+            const std::size_t ij = (ball + i) * stride + ball + j, ji = (ball + j) * stride + ball + i;
+            qq[ij] = 0.5 * (qq[ij] + qq[ji]) + own.aa(i, j);
+            vv[ij] = 0.5 * (vv[ij] + vv[ji]) + own.bb(i, j);
+            const double of_q = q_v[ij], of_v = v_q[ij];
+            q_v[ij] = 0.5 * (of_q + v_q[ji]) + own.ab(i, j);
+            v_q[ij] = 0.5 * (of_v + (i == j ? of_q : q_v[ji])) + own.ba(i, j);
         }
-    };
-    read(pairs.qq, out.aa), read(pairs.q_v, out.ab), read(pairs.v_q, out.ba), read(pairs.vv, out.bb);
-    return out;
 }
 
 template <class T>
@@ -237,7 +243,7 @@ void Lagrangian<T>::turn(const TurnedJoints& of)
     template void Lagrangian<T>::turned_products(std::span<const TurnedJoints>);  \
     template SmallMatrix<6> Lagrangian<T>::own_products(int, bool) const;         \
     template SmallMatrix<6> Lagrangian<T>::own_turned(const TurnedJoints&) const; \
-    template SmallMatrix<6> Lagrangian<T>::own_pairs(int) const;                  \
+    template void Lagrangian<T>::add_to_own_pairs(int, const SmallMatrix<6>&);    \
     template void Lagrangian<T>::put_own_pairs(int, const SmallMatrix<6>&);       \
     template void Lagrangian<T>::turn(const TurnedJoints&)
 LEASTACTION_TURNED(double);
