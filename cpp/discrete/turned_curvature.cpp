@@ -153,7 +153,6 @@ void SecondOrder::add_turned_forces(double dt) {
 
 void SecondOrder::add_bends(double dt) {
     Turned& t = *turned_;
-    const bool has_elements = mechanism_.has_elements_at_middle();
     for (std::size_t b = 0; b < t.turnings.size(); ++b) {
         const Ball& ball = mechanism_.balls[b];
         const int at = ball.variable;
@@ -170,7 +169,7 @@ void SecondOrder::add_bends(double dt) {
                          h = vector([&](int i) { return dual_.L_v[i].v; });
             own = field.bend(g, h, by_theta, by_phi);
         }
-        if (has_elements) {
+        if (turned_middle_.is_seen(b)) {
             const Vector g = vector([&](int i) { return t.of_elements[i]; }),
                          of_theta = vector([&](int i) { return t.by_q[i]; }),
                          of_phi = vector([&](int i) { return t.by_v[i] / dt; });

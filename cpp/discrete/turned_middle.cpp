@@ -16,6 +16,13 @@ TurnedMiddle::TurnedMiddle(const Mechanism& m) : mechanism_(m), ball_of_(m.n_var
         ball.turned.first = ball.seen.first = ball.seen_field.first = m.balls[b].variable;
         if (massive) joints_.push_back({m.balls[b].joint, !m.balls[b].prescribed, &ball.by, &ball.along, {}});
     }
+    const auto see = [&](int variable) {
+        if (ball_of_[variable] >= 0) balls_[ball_of_[variable]].is_seen = true;
+    };
+    for (const auto& potential : m.potentials) std::ranges::for_each(potential->support(), see);
+    for (const auto& force : m.forces) std::ranges::for_each(force->support(), see);
+    for (const auto& [variable, slot] : m.damping) see(variable);
+    for (const auto& [variable, input] : m.joint_forces) see(variable);
 }
 
 Matrix6 TurnedMiddle::ends_of(const Matrix6& by) const {

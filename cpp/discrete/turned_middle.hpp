@@ -79,6 +79,8 @@ public:
     // The turn of a ball's middle and its rates by turns of the start and the end.
     const Turning::Matrix6& by_ends(std::size_t ball) const;
     int ball_of(int variable) const { return ball_of_[variable]; }  // -1: none
+    // Whether elements at the middle look at the turns of a ball.
+    bool is_seen(std::size_t ball) const { return balls_[ball].is_seen; }
 
 private:
     using Matrix6 = Turning::Matrix6;
@@ -96,6 +98,7 @@ private:
     struct TurnedBall {
         Matrix6 by, along;
         Vec3<double> rate, field;
+        bool is_seen = false;
         mutable Ends turned, seen, seen_field;
         mutable bool has_turned, has_seen, has_seen_field;
     };

@@ -69,14 +69,13 @@ void MidpointStep::turn_correction() {
 }
 
 void MidpointStep::make_bends(double dt) {
-    const bool has_elements = mechanism_->has_elements_at_middle();
     for (std::size_t b = 0; b < turnings_.size(); ++b) {
         const Ball& ball = mechanism_->balls[b];
         if (ball.prescribed) continue;
         const double *start = &raw_start_[ball.variable], *end = &raw_end_[ball.variable];
         const Vec3<double> from{start[0], start[1], start[2]}, to{end[0], end[1], end[2]}, g = from + to;
         bends_[b] = turnings_[b].bend(g, 0.5 * (to - from));
-        if (!has_elements) continue;
+        if (!turned_middle_.is_seen(b)) continue;
         const double* of_bodies = &kernel_slopes_[ball.variable];
         const Vec3<double> of_elements = g - dt * Vec3<double>{of_bodies[0], of_bodies[1], of_bodies[2]};
         bends_[b] = bends_[b] + OfChart({}, of_elements, {}).by(turnings_[b].slope());
