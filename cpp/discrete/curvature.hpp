@@ -144,8 +144,8 @@ private:
     Lagrangian<Dual<double>> dual_;
     Placement<double> at_middle_, at2_;
     Placement<Dual<double>> dual_at1_;
-    std::unique_ptr<Placement<Dual<double>>>
-        chart_middle_;  // for potentials, where balls turn otherwise than they see it
+    // For potentials beside balls, of which they see the charts.
+    std::unique_ptr<Placement<Dual<double>>> chart_middle_;
     LocalTaylor<double> local_;
     LocalTaylor<Dual<double>> dual_local_;
     LocalForce<double> force_;

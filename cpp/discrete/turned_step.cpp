@@ -11,8 +11,9 @@ bool is_free_slide(const Joint& joint, int n_dynamic) {
     return joint.axis >= Axis::tx && joint.axis <= Axis::tz && joint.simple && joint.variable < n_dynamic;
 }
 
-// What second derivatives of L by turns of a ball's start (rows) and end, in the symmetric part of products, differ by from
-// the products: half of g.(r x c) + h.(r x c') - h.(c x r'), with g = L_q, h = L_v, and rates of rows and columns c' and r'.
+// The products of a tree are those of rows r by a ball's start and columns c by its end, and no symmetric part is taken. This
+// is the symmetric part less the product: half of g.(r x c) + h.(r x c') - h.(c x r'), with g = L_q, h = L_v and the rates r'
+// and c' of the row and the column.
 Turning::Matrix3 half_of_order(const Turning::Vector& g, const Turning::Vector& h, const Turning::Matrix6& by) {
     const Turning::Matrix3 across = crossing(h);
     return -0.5 * (transposed_product(by.aa, crossing(g) * by.ab + across * by.bb) +

@@ -128,8 +128,8 @@ public:
 
     explicit GivenTurning(const double* phi) : phi_{phi[0], phi[1], phi[2]} {}
 
-    // As of Turning, with s = (alpha + e)/2 and d = e - alpha; g and h: slopes of a field's weighted sum, whose field does not
-    // move this ball, and those of elements.
+    // As of Turning and TurnedField, with s = (alpha + e)/2 and d = e - alpha. The field of the weights does not move this ball, so
+    // g and h are the slopes by theta and phi of the whole weighted sum.
     Turning::Matrix6 slope(double dt = 1.0) const;
     Turning::Matrix6 bend(const Vec3<double>& g, const Vec3<double>& h) const;
     Turning::Matrix6 bend_of_elements(const Vec3<double>& g, const Vec3<double>& h) const;

@@ -42,7 +42,8 @@ SmallMatrix<6> symmetric(const SmallMatrix<6>& m) {
 
 }  // namespace
 
-// As bodies of two turns and of a turn and a rate, which products are not (discrete/turning.hpp).
+// Makes second derivatives along exp of a ball's own products (discrete/turning.hpp): by two turns their symmetric part, by a turn
+// and a rate the product of the rate's row and the turn's column.
 template <class T>
 void Lagrangian<T>::order_own_pairs()
     requires(!std::is_same_v<T, Lanes>)

@@ -101,7 +101,7 @@ public:
     std::vector<Pose<T>> pose;                // by joint, after its motion
     std::vector<Motion<T>> twist;             // by joint, world coordinates, at the world origin
     std::vector<double> angle, sine, cosine;  // work space of place()
-    // Duals of balls are turns along exp: their three axes turn along with the last of their three poses, which is all of these then.
+    // Duals of balls are turns along exp: their three axes turn with the ball, and the second of their three poses is not placed.
     bool turns_along_exp = false;
 
     explicit Placement(const Constants& constants)
